@@ -1,0 +1,59 @@
+# The everyday commands of CarMap. `make` alone lists them.
+JOBS ?= $(shell nproc)
+FUZZ_SECONDS ?= 60
+export CMAKE_BUILD_PARALLEL_LEVEL := $(JOBS)
+
+.DEFAULT_GOAL := help
+.PHONY: help setup build demo test bench evaluate lint format asan tsan fuzz clean
+
+help:  ## list these commands
+	@echo 'make COMMAND [JOBS=N]      (N processes at once; default: one a core)'
+	@echo
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
+	@echo
+	@echo 'On a bare Debian 12: `make demo` or `make test`; each does all of the set-up itself.'
+	@echo 'Real drives are looked for in $$CARMAP_DATA, or else in ../shared/data.'
+
+setup:  ## install the Debian packages that are missing
+	@scripts/install_dependencies.sh build
+
+build: setup  ## the optimised program: build/release/bin/carmap
+	@cmake --preset release
+	@cmake --build --preset release
+
+demo: build  ## map, stitch and localize a real drive; report in demo/
+	@scripts/demo.sh
+
+test: build  ## build, then run all tests
+	@ctest --preset release
+
+bench: setup  ## time what is hot, as ratios to a yardstick
+	@scripts/bench.sh
+
+evaluate: build  ## errors and sizes on every real drive that is present
+	@scripts/evaluate.sh
+
+lint:  ## formatting, clang-tidy, shell scripts
+	@scripts/install_dependencies.sh lint
+	@scripts/lint.sh
+
+format:  ## format all C++ sources
+	@scripts/install_dependencies.sh lint
+	@find src tests bench fuzz -name '*.h' -o -name '*.cc' | xargs clang-format -i
+
+asan: setup  ## build and test under address and undefined-behaviour sanitizers
+	@cmake --preset asan
+	@cmake --build --preset asan
+	@ctest --preset asan
+
+tsan: setup  ## build and test under the thread sanitizer
+	@cmake --preset tsan
+	@cmake --build --preset tsan
+	@ctest --preset tsan
+
+fuzz:  ## feed each fuzzer for FUZZ_SECONDS (default 60)
+	@scripts/install_dependencies.sh fuzz
+	@scripts/fuzz.sh $(FUZZ_SECONDS)
+
+clean:  ## remove what was built and the demo's results
+	@rm -rf build demo

@@ -1,0 +1,41 @@
+# Flags that every target of the project is built with.
+add_library(carmap_flags INTERFACE)
+target_compile_options(carmap_flags INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor -Werror
+  # OpenCV's headers add enumerators of different enumerations in inline functions.
+  -Wno-deprecated-enum-enum-conversion
+  # Designated initialisers leave members at their defaults on purpose.
+  -Wno-missing-field-initializers)
+if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
+  # AVX2 and FMA: every x86 server and vehicle computer since 2015 has them. The cap on Eigen's
+  # alignment keeps its types compatible with libraries that Debian built without AVX.
+  set(CARMAP_X86_LEVEL x86-64-v3 CACHE STRING "Instruction set level (-march)")
+  target_compile_options(carmap_flags INTERFACE -march=${CARMAP_X86_LEVEL})
+  target_compile_definitions(carmap_flags INTERFACE EIGEN_MAX_ALIGN_BYTES=16)
+endif()
+target_include_directories(carmap_flags INTERFACE ${PROJECT_SOURCE_DIR}/src)
+if(CARMAP_SANITIZE)
+  target_compile_options(carmap_flags INTERFACE
+    -fsanitize=${CARMAP_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  target_link_options(carmap_flags INTERFACE -fsanitize=${CARMAP_SANITIZE})
+endif()
+
+# carmap_module(NAME SOURCES a.cc ... DEPENDS x ... TESTS a_test.cc ... TEST_DEPENDS y ...)
+#
+# A module of src/carmap: the library carmap_NAME and, beside the code, one test program
+# NAME_test made of all its TESTS.
+function(carmap_module name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;DEPENDS;TESTS;TEST_DEPENDS" ${ARGN})
+  if(ARG_SOURCES)
+    add_library(carmap_${name} STATIC ${ARG_SOURCES})
+    target_link_libraries(carmap_${name} PUBLIC carmap_flags ${ARG_DEPENDS})
+  else()
+    add_library(carmap_${name} INTERFACE)
+    target_link_libraries(carmap_${name} INTERFACE carmap_flags ${ARG_DEPENDS})
+  endif()
+  if(ARG_TESTS)
+    add_executable(${name}_test ${ARG_TESTS})
+    target_link_libraries(${name}_test PRIVATE carmap_${name} ${ARG_TEST_DEPENDS} GTest::gmock GTest::gtest_main)
+    add_test(NAME ${name} COMMAND ${name}_test)
+  endif()
+endfunction()

@@ -1,0 +1,30 @@
+# Everything comes from Debian 12 packages; scripts/install_dependencies.sh names them.
+find_package(absl REQUIRED)
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(TBB REQUIRED)
+find_package(CLI11 REQUIRED)
+find_package(nlohmann_json REQUIRED)
+find_package(fmt REQUIRED)
+find_package(hwy REQUIRED)
+find_package(GTest REQUIRED)
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(zstd REQUIRED IMPORTED_TARGET libzstd)
+pkg_check_modules(xxhash REQUIRED IMPORTED_TARGET libxxhash)
+pkg_check_modules(geographic REQUIRED IMPORTED_TARGET geographiclib)
+find_package(Threads REQUIRED)
+
+# Debian's OpenCVConfig.cmake comes only with the package of all modules, which draws in VTK and Qt;
+# the modules needed are found one by one.
+find_path(OPENCV_INCLUDE_DIR opencv2/core.hpp PATH_SUFFIXES opencv4 REQUIRED)
+foreach(module core imgproc imgcodecs features2d calib3d)
+  find_library(OPENCV_${module}_LIBRARY opencv_${module} REQUIRED)
+  add_library(opencv_${module} UNKNOWN IMPORTED)
+  set_target_properties(opencv_${module} PROPERTIES
+    IMPORTED_LOCATION ${OPENCV_${module}_LIBRARY}
+    INTERFACE_INCLUDE_DIRECTORIES ${OPENCV_INCLUDE_DIR})
+endforeach()
+
+find_program(CARMAP_CCACHE ccache)
+if(CARMAP_CCACHE)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${CARMAP_CCACHE})
+endif()

@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# Builds every fuzzer and feeds each for some seconds; stops at the first that finds a fault.
+#
+#   scripts/fuzz.sh [SECONDS]
+#
+# What a fuzzer learnt stays in build/fuzz/corpus/NAME; an input that breaks it is left in build/fuzz.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+seconds="${1:-60}"
+
+cmake --preset fuzz
+cmake --build --preset fuzz
+
+found=0
+for fuzzer in build/fuzz/bin/*_fuzzer; do
+  [[ -x "$fuzzer" ]] || continue
+  found=1
+  name="$(basename "$fuzzer")"
+  corpus="build/fuzz/corpus/$name"
+  mkdir -p "$corpus"
+  echo "== $name for $seconds s"
+  "$fuzzer" -max_total_time="$seconds" -print_final_stats=1 \
+    -artifact_prefix="build/fuzz/$name-" "$corpus"
+done
+if ((found == 0)); then
+  echo "fuzz.sh: no program build/fuzz/bin/*_fuzzer was built; see fuzz/CMakeLists.txt" >&2
+  exit 1
+fi

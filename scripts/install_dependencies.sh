@@ -1,0 +1,60 @@
+#!/usr/bin/env bash
+# Installs the Debian 12 packages that CarMap is built with; only those missing, so that a machine
+# that has them needs neither network nor root.
+#
+#   scripts/install_dependencies.sh [build] [lint] [fuzz]     (default: build)
+set -euo pipefail
+
+build_packages=(
+  g++ cmake ninja-build ccache pkg-config
+  libeigen3-dev libceres-dev libnanoflann-dev libgeographiclib-dev
+  libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev
+  libopencv-features2d-dev libopencv-calib3d-dev
+  libhwy-dev libtbb-dev libabsl-dev libfmt-dev libcli11-dev nlohmann-json3-dev
+  libzstd-dev libxxhash-dev
+  libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev
+)
+lint_packages=(clang-format clang-tidy shellcheck)
+fuzz_packages=(clang-14 libclang-rt-14-dev)
+
+fail() {
+  echo "install_dependencies.sh: $*" >&2
+  exit 1
+}
+
+is_installed() {
+  [[ "$(dpkg-query --show --showformat='${db:Status-Status}' "$1" 2>/dev/null)" == installed ]]
+}
+
+packages=("${build_packages[@]}")
+for group in "$@"; do
+  case "$group" in
+    build) ;;
+    lint) packages+=("${lint_packages[@]}") ;;
+    fuzz) packages+=("${fuzz_packages[@]}") ;;
+    *) fail "unknown group '$group'; the groups are build, lint and fuzz" ;;
+  esac
+done
+
+if ! command -v apt-get >/dev/null; then
+  fail "needs Debian's apt-get; elsewhere install what these packages hold: ${packages[*]}"
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+  is_installed "$package" || missing+=("$package")
+done
+((${#missing[@]} > 0)) || exit 0
+
+as_root=()
+if ((EUID != 0)); then
+  command -v sudo >/dev/null || fail "must be root, or have sudo, to install: ${missing[*]}"
+  as_root=(sudo)
+fi
+
+echo "Installing ${#missing[@]} Debian packages: ${missing[*]}"
+if ! "${as_root[@]}" apt-get update --quiet ||
+  ! "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
+    apt-get install --quiet --yes --no-install-recommends "${missing[@]}"; then
+  fail "apt-get failed (see above); needs the network and Debian 12 (bookworm)"
+fi

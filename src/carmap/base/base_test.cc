@@ -1,0 +1,86 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <thread>
+#include <vector>
+
+#include "carmap/base/bounded_queue.h"
+#include "carmap/base/file.h"
+#include "carmap/base/summary.h"
+
+namespace carmap {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+class FileTest : public testing::Test {
+ protected:
+  FileTest() : folder_(fs::path(testing::TempDir()) / "carmap_file_test") {
+    fs::remove_all(folder_);
+    fs::create_directories(folder_);
+  }
+  const fs::path folder_;
+};
+
+TEST_F(FileTest, WritesWhatItReads) {
+  const std::string bytes("a\0b\n", 4);
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "x", bytes).ok());
+  EXPECT_EQ(*ReadFile(folder_ / "x", 100), bytes);
+}
+
+TEST_F(FileTest, LeavesNoTemporaryFileBehind) {
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "x", "new").ok());
+  fs::create_directory(folder_ / "taken");
+  EXPECT_FALSE(WriteFileAtomically(folder_ / "taken", "cannot replace a folder").ok());
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder_)) names.push_back(entry.path().filename());
+  EXPECT_THAT(names, testing::UnorderedElementsAre("x", "taken"));
+}
+
+TEST_F(FileTest, NamesTheFileInErrors) {
+  EXPECT_THAT(std::string(ReadFile(folder_ / "absent", 9).status().message()), HasSubstr("absent"));
+  EXPECT_FALSE(ReadFile(folder_, 9).ok());
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "x", "0123456789").ok());
+  EXPECT_THAT(std::string(ReadFile(folder_ / "x", 9).status().message()), HasSubstr("limit of 9"));
+  EXPECT_TRUE(ReadFile(folder_ / "x", 10).ok());
+  EXPECT_FALSE(CheckWritable(folder_ / "no" / "such").ok());
+  EXPECT_FALSE(CheckWritable(folder_).ok());
+  EXPECT_TRUE(CheckWritable(folder_ / "fine").ok());
+}
+
+TEST(SummaryTest, GivesNearestRanks) {
+  const Summary summary = Summarize({4, 1, 3, 2});
+  EXPECT_EQ(summary.median, 2);
+  EXPECT_EQ(summary.mean, 2.5);
+  EXPECT_EQ(summary.p95, 4);
+  EXPECT_EQ(summary.max, 4);
+  EXPECT_EQ(Summarize({}).max, 0);
+}
+
+TEST(BoundedQueueTest, PassesValuesInOrderThenEnds) {
+  BoundedQueue<int> queue(2);
+  std::thread producer([&] {
+    for (int i = 0; i < 5; ++i) queue.Push(i);
+    queue.Close();
+  });
+  std::vector<int> received;
+  while (auto value = queue.Pop()) received.push_back(*value);
+  producer.join();
+  EXPECT_THAT(received, ElementsAre(0, 1, 2, 3, 4));
+  EXPECT_FALSE(queue.Push(5));
+}
+
+TEST(BoundedQueueTest, CloseWakesABlockedProducer) {
+  BoundedQueue<int> queue(1);
+  queue.Push(0);
+  std::thread producer([&] { EXPECT_FALSE(queue.Push(1)); });
+  queue.Close();
+  producer.join();
+}
+
+}  // namespace
+}  // namespace carmap

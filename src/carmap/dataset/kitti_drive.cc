@@ -1,0 +1,397 @@
+#include "carmap/dataset/kitti_drive.h"
+
+#include <fmt/format.h>
+#include <xxhash.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <string>
+#include <system_error>
+#include <utility>
+
+#include "carmap/base/file.h"
+#include "carmap/base/status_macros.h"
+#include "carmap/dataset/image_file.h"
+#include "carmap/dataset/text_table.h"
+
+namespace carmap {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr uint64_t kMaxTextBytes = uint64_t{1} << 27;
+
+absl::Status Invalid(const fs::path& path, const std::string& cause_and_remedy) {
+  return absl::InvalidArgumentError(fmt::format("{}: {}", path.string(), cause_and_remedy));
+}
+
+// --- Image folders ---
+
+/// Names of the images in a folder in the order of their numbers, with leading zeros or without.
+absl::StatusOr<std::vector<fs::path>> ListImages(const fs::path& folder) {
+  std::error_code error;
+  std::vector<fs::path> names;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    const fs::path name = it->path().filename();
+    if (HasImageExtension(name) && name.native().front() != '.') names.push_back(name);
+  }
+  if (error) {
+    return absl::NotFoundError(
+        fmt::format("{}: cannot be listed ({}); a drive has the folders "
+                    "image_0 (left) and image_1 (right)",
+                    folder.string(), error.message()));
+  }
+  std::sort(names.begin(), names.end(), [](const fs::path& a, const fs::path& b) {
+    return std::pair(a.native().size(), a.native()) < std::pair(b.native().size(), b.native());
+  });
+  return names;
+}
+
+absl::Status CheckSameNames(const fs::path& folder, const std::vector<fs::path>& left,
+                            const std::vector<fs::path>& right) {
+  if (left.size() != right.size()) {
+    return Invalid(folder, fmt::format("image_0 has {} images but image_1 has {}; each left image "
+                                       "needs a right one of the same name",
+                                       left.size(), right.size()));
+  }
+  if (left.empty()) {
+    return Invalid(folder / "image_0", "the drive is empty; put its images (.png .jpg .pgm) here");
+  }
+  const auto [only_left, only_right] = std::mismatch(left.begin(), left.end(), right.begin());
+  if (only_left != left.end()) {
+    return Invalid(folder / "image_1",
+                   fmt::format("has {} where image_0 has {}; give both folders the same names",
+                               only_right->string(), only_left->string()));
+  }
+  return absl::OkStatus();
+}
+
+std::vector<fs::path> InFolder(const fs::path& folder, std::vector<fs::path> names) {
+  for (fs::path& name : names) name = folder / name;
+  return names;
+}
+
+absl::Status CheckImageSize(const fs::path& path, const cv::Mat& image, int width, int height) {
+  if (image.cols == width && image.rows == height) return absl::OkStatus();
+  return Invalid(path,
+                 fmt::format("the image is {}x{} px but the drive's first is {}x{}; all images "
+                             "of a drive have one size",
+                             image.cols, image.rows, width, height));
+}
+
+// --- times.txt ---
+
+absl::StatusOr<std::vector<Timestamp>> ReadTimes(const fs::path& path, size_t image_count) {
+  CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxTextBytes));
+  std::vector<Timestamp> times;
+  for (const TextLine& line : SplitIntoLines(text)) {
+    const std::optional<Timestamp> time = ParseSeconds(line.tokens.front());
+    if (!time || line.tokens.size() != 1) {
+      return Invalid(path,
+                     fmt::format("line {} is not one time in seconds; correct it", line.number));
+    }
+    if (!times.empty() && *time <= times.back()) {
+      return Invalid(path, fmt::format("line {}: the time {:.6f} s is not after the one before, "
+                                       "{:.6f} s; times must ascend",
+                                       line.number, time->seconds(), times.back().seconds()));
+    }
+    times.push_back(*time);
+  }
+  if (times.size() != image_count) {
+    return Invalid(path,
+                   fmt::format("has {} times but image_0 has {} images; write one time a frame",
+                               times.size(), image_count));
+  }
+  return times;
+}
+
+// --- calib.txt ---
+
+using Projection = std::array<double, 12>;  // 3×4, row-major
+
+absl::StatusOr<Projection> FindProjection(const fs::path& path, const std::vector<TextLine>& lines,
+                                          const std::string& key) {
+  const auto has_key = [&](const TextLine& line) { return line.tokens.front() == key + ":"; };
+  const auto line = std::find_if(lines.begin(), lines.end(), has_key);
+  if (line == lines.end()) {
+    return Invalid(path, fmt::format("the line '{}:' is missing; add it with 12 numbers", key));
+  }
+  if (std::find_if(line + 1, lines.end(), has_key) != lines.end()) {
+    return Invalid(path, fmt::format("the line '{}:' occurs twice; remove one", key));
+  }
+  const std::optional<std::vector<double>> numbers =
+      ParseNumbers({line->tokens.begin() + 1, line->tokens.end()});
+  Projection projection;
+  if (!numbers || numbers->size() != projection.size()) {
+    return Invalid(path, fmt::format("line '{}:' does not hold 12 numbers; correct it", key));
+  }
+  if (!std::all_of(numbers->begin(), numbers->end(), [](double x) { return std::isfinite(x); })) {
+    return Invalid(path, fmt::format("line '{}:' holds nan or inf; calibrate again", key));
+  }
+  std::copy(numbers->begin(), numbers->end(), projection.begin());
+  return projection;
+}
+
+/// Rectified cameras have no skew, and their last row is 0 0 1.
+bool IsRectified(const Projection& p) {
+  constexpr double kTolerance = 1e-6;
+  const auto is_about = [](double a, double b) { return std::abs(a - b) <= kTolerance; };
+  return is_about(p[1], 0) && is_about(p[4], 0) && is_about(p[8], 0) && is_about(p[9], 0) &&
+         is_about(p[10], 1);
+}
+
+bool HaveEqualIntrinsics(const Projection& a, const Projection& b) {
+  constexpr double kTolerancePx = 0.01;
+  constexpr std::array<size_t, 4> kIntrinsics = {0, 5, 2, 6};
+  return std::all_of(kIntrinsics.begin(), kIntrinsics.end(),
+                     [&](size_t i) { return std::abs(a[i] - b[i]) <= kTolerancePx; });
+}
+
+/// The rig but for the image size.
+absl::StatusOr<StereoRig> ReadCalibration(const fs::path& path) {
+  CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxTextBytes));
+  const std::vector<TextLine> lines = SplitIntoLines(text);
+  CARMAP_ASSIGN_OR_RETURN(const Projection left, FindProjection(path, lines, "P0"));
+  CARMAP_ASSIGN_OR_RETURN(const Projection right, FindProjection(path, lines, "P1"));
+  if (!IsRectified(left) || !IsRectified(right)) {
+    return Invalid(path,
+                   "P0 and P1 are not projections of rectified cameras (fx 0 cx tx, 0 fy cy "
+                   "ty, 0 0 1 tz); rectify the images and calibrate again");
+  }
+  if (!HaveEqualIntrinsics(left, right)) {
+    return Invalid(path,
+                   "P0 and P1 differ in focal length or principal point; rectify both images "
+                   "to the same camera");
+  }
+  constexpr double kMaxFocalPx = 1e5, kMaxBaselineM = 100;
+  const double fx = left[0], fy = left[5];
+  if (!(fx > 0 && fy > 0 && fx <= kMaxFocalPx && fy <= kMaxFocalPx)) {
+    return Invalid(path, fmt::format("the focal lengths {} and {} px of P0 are not between 0 and "
+                                     "{}; calibrate again",
+                                     fx, fy, kMaxFocalPx));
+  }
+  const double baseline_m = (left[3] - right[3]) / fx;
+  if (!(baseline_m > 0 && baseline_m <= kMaxBaselineM)) {
+    return Invalid(path, fmt::format("the baseline (P0[3] - P1[3]) / fx is {} m, not between 0 and "
+                                     "{}; P0 is of the left camera, P1 of the right",
+                                     baseline_m, kMaxBaselineM));
+  }
+  return StereoRig{{.fx = fx, .fy = fy, .cx = left[2], .cy = left[6]}, baseline_m};
+}
+
+absl::Status CheckPrincipalPoint(const fs::path& path, const PinholeCamera& camera) {
+  if (camera.Contains({camera.cx, camera.cy})) return absl::OkStatus();
+  return Invalid(path, fmt::format("the principal point ({}, {}) is outside of the {}x{} px image; "
+                                   "use the calibration of this image size",
+                                   camera.cx, camera.cy, camera.width, camera.height));
+}
+
+// --- gps.txt ---
+
+struct TimedFix {
+  Timestamp time;
+  GpsFix fix;
+};
+
+constexpr int64_t kMaxFixDistanceNs = 150'000'000;
+
+/// Ascending by time. Rows of nan are moments without a fix and left out.
+absl::StatusOr<std::vector<TimedFix>> ReadFixes(const fs::path& path) {
+  CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxTextBytes));
+  std::vector<TimedFix> fixes;
+  for (const TextLine& line : SplitIntoLines(text)) {
+    const std::optional<Timestamp> time = ParseSeconds(line.tokens.front());
+    const std::optional<std::vector<double>> numbers = ParseNumbers(line.tokens);
+    if (!time || !numbers || numbers->size() < 4) {
+      return Invalid(path,
+                     fmt::format("line {} is not 'time latitude longitude altitude'; correct it",
+                                 line.number));
+    }
+    const GpsFix fix{(*numbers)[1], (*numbers)[2], (*numbers)[3]};
+    if (std::isnan(fix.latitude_deg + fix.longitude_deg + fix.altitude_m)) continue;
+    if (!IsValid(fix)) {
+      return Invalid(path, fmt::format("line {} is not a place on the globe (degrees, degrees, "
+                                       "metres); correct it",
+                                       line.number));
+    }
+    fixes.push_back({*time, fix});
+  }
+  // Receivers log late rows out of turn.
+  std::stable_sort(fixes.begin(), fixes.end(),
+                   [](const TimedFix& a, const TimedFix& b) { return a.time < b.time; });
+  return fixes;
+}
+
+/// Receivers give absolute time where the camera's starts at 0: when the two ranges of time do not
+/// meet, both are taken to start together.
+void ShiftToFrameTimes(const std::vector<Timestamp>& times, std::vector<TimedFix>& fixes) {
+  if (fixes.empty()) return;
+  const bool overlap = fixes.front().time.ns <= times.back().ns + kMaxFixDistanceNs &&
+                       times.front().ns <= fixes.back().time.ns + kMaxFixDistanceNs;
+  if (overlap) return;
+  const int64_t origin_ns = fixes.front().time.ns;
+  for (TimedFix& fix : fixes) fix.time.ns += times.front().ns - origin_ns;
+}
+
+GpsFix Interpolate(const TimedFix& before, const TimedFix& after, Timestamp time) {
+  const double fraction = static_cast<double>(time.ns - before.time.ns) /
+                          static_cast<double>(after.time.ns - before.time.ns);
+  // At the date line a mean of longitudes would lie on the other side of the Earth.
+  if (std::abs(after.fix.longitude_deg - before.fix.longitude_deg) > 180) {
+    return fraction < 0.5 ? before.fix : after.fix;
+  }
+  return {std::lerp(before.fix.latitude_deg, after.fix.latitude_deg, fraction),
+          std::lerp(before.fix.longitude_deg, after.fix.longitude_deg, fraction),
+          std::lerp(before.fix.altitude_m, after.fix.altitude_m, fraction)};
+}
+
+/// Between its two neighbours where both are near, else the near one, else none.
+std::optional<GpsFix> FixAt(const std::vector<TimedFix>& fixes, Timestamp time) {
+  const auto after =
+      std::lower_bound(fixes.begin(), fixes.end(), time,
+                       [](const TimedFix& fix, Timestamp t) { return fix.time < t; });
+  const bool has_after = after != fixes.end() && after->time.ns - time.ns <= kMaxFixDistanceNs;
+  const bool has_before =
+      after != fixes.begin() && time.ns - (after - 1)->time.ns <= kMaxFixDistanceNs;
+  if (has_before && has_after) return Interpolate(*(after - 1), *after, time);
+  if (has_before) return (after - 1)->fix;
+  if (has_after) return after->fix;
+  return std::nullopt;
+}
+
+absl::StatusOr<std::vector<std::optional<GpsFix>>> ReadGps(const fs::path& path,
+                                                           const std::vector<Timestamp>& times) {
+  std::vector<std::optional<GpsFix>> gps;
+  std::error_code error;
+  if (!fs::exists(path, error)) return gps;
+  CARMAP_ASSIGN_OR_RETURN(std::vector<TimedFix> fixes, ReadFixes(path));
+  ShiftToFrameTimes(times, fixes);
+  gps.reserve(times.size());
+  for (const Timestamp time : times) gps.push_back(FixAt(fixes, time));
+  return gps;
+}
+
+// --- poses.txt ---
+
+/// One pose a frame of the drive, with its time; empty if there is no file.
+absl::StatusOr<Trajectory> ReadTruth(const fs::path& path, const std::vector<Timestamp>& times) {
+  std::error_code error;
+  if (!fs::exists(path, error)) return Trajectory{};
+  CARMAP_ASSIGN_OR_RETURN(Trajectory truth, ReadTrajectory(path));
+  if (truth.front().timestamp) {
+    return Invalid(path, "is in TUM form; ground truth of a drive is in KITTI form (12 numbers)");
+  }
+  if (truth.size() != times.size()) {
+    return Invalid(path, fmt::format("has {} poses but the drive has {} frames; write one a frame, "
+                                     "or remove the file",
+                                     truth.size(), times.size()));
+  }
+  for (size_t i = 0; i < truth.size(); ++i) truth[i].timestamp = times[i];
+  return truth;
+}
+
+// --- Range and identity ---
+
+absl::StatusOr<FrameRange> ResolveRange(const fs::path& folder, const FrameRange& range,
+                                        size_t frame_count) {
+  const uint32_t last_of_drive = static_cast<uint32_t>(frame_count) - 1;
+  const uint32_t last = range.last.value_or(last_of_drive);
+  if (range.first > last || last > last_of_drive) {
+    return Invalid(folder,
+                   fmt::format("frames {} to {} were asked for, the drive has frames 0 to {}; "
+                               "choose a range within it",
+                               range.first, last, last_of_drive));
+  }
+  return FrameRange{range.first, last};
+}
+
+template <typename Number>
+void AppendBytes(Number value, std::string& bytes) {
+  static_assert(std::endian::native == std::endian::little, "ids must agree between machines");
+  bytes.append(reinterpret_cast<const char*>(&value), sizeof(value));
+}
+
+void AppendPixels(const cv::Mat& image, std::string& bytes) {
+  for (int y = 0; y < image.rows; ++y) {
+    bytes.append(image.ptr<char>(y), static_cast<size_t>(image.cols));
+  }
+}
+
+DriveId HashInput(const StereoRig& rig, const std::vector<Timestamp>& times, uint32_t first,
+                  uint32_t last, const cv::Mat& left, const cv::Mat& right) {
+  std::string bytes;
+  const PinholeCamera& camera = rig.camera;
+  for (const double value : {camera.fx, camera.fy, camera.cx, camera.cy, rig.baseline_m}) {
+    AppendBytes(value, bytes);
+  }
+  for (const int32_t side : {camera.width, camera.height}) AppendBytes(side, bytes);
+  for (const uint32_t frame : {first, last}) AppendBytes(frame, bytes);
+  for (uint32_t frame = first; frame <= last; ++frame) AppendBytes(times[frame].ns, bytes);
+  AppendPixels(left, bytes);
+  AppendPixels(right, bytes);
+  return {XXH3_64bits(bytes.data(), bytes.size())};
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<KittiDrive>> KittiDrive::Open(const fs::path& folder,
+                                                             const FrameRange& range) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) {
+    return absl::NotFoundError(fmt::format(
+        "{}: no such folder; name a drive's folder (image_0 image_1 calib.txt times.txt)",
+        folder.string()));
+  }
+  const fs::path left_folder = folder / "image_0", right_folder = folder / "image_1";
+  CARMAP_ASSIGN_OR_RETURN(std::vector<fs::path> left_names, ListImages(left_folder));
+  CARMAP_ASSIGN_OR_RETURN(std::vector<fs::path> right_names, ListImages(right_folder));
+  CARMAP_RETURN_IF_ERROR(CheckSameNames(folder, left_names, right_names));
+
+  std::unique_ptr<KittiDrive> drive(new KittiDrive);
+  drive->left_paths_ = InFolder(left_folder, std::move(left_names));
+  drive->right_paths_ = InFolder(right_folder, std::move(right_names));
+  const size_t image_count = drive->left_paths_.size();
+  CARMAP_ASSIGN_OR_RETURN(const FrameRange resolved, ResolveRange(folder, range, image_count));
+  drive->first_ = drive->next_ = resolved.first;
+  drive->last_ = *resolved.last;
+
+  CARMAP_ASSIGN_OR_RETURN(drive->times_, ReadTimes(folder / "times.txt", image_count));
+  CARMAP_ASSIGN_OR_RETURN(drive->rig_, ReadCalibration(folder / "calib.txt"));
+  CARMAP_RETURN_IF_ERROR(drive->ReadFirstPair(folder / "calib.txt"));
+  CARMAP_ASSIGN_OR_RETURN(const Trajectory truth, ReadTruth(folder / "poses.txt", drive->times_));
+  if (!truth.empty()) {
+    drive->truth_.assign(truth.begin() + drive->first_, truth.begin() + drive->last_ + 1);
+  }
+  CARMAP_ASSIGN_OR_RETURN(drive->gps_, ReadGps(folder / "gps.txt", drive->times_));
+  return drive;
+}
+
+absl::Status KittiDrive::ReadFirstPair(const fs::path& calibration_path) {
+  CARMAP_ASSIGN_OR_RETURN(const cv::Mat left, ReadGreyImage(left_paths_[first_]));
+  CARMAP_ASSIGN_OR_RETURN(const cv::Mat right, ReadGreyImage(right_paths_[first_]));
+  rig_.camera.width = left.cols;
+  rig_.camera.height = left.rows;
+  CARMAP_RETURN_IF_ERROR(CheckImageSize(right_paths_[first_], right, left.cols, left.rows));
+  CARMAP_RETURN_IF_ERROR(CheckPrincipalPoint(calibration_path, rig_.camera));
+  id_ = HashInput(rig_, times_, first_, last_, left, right);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::optional<StereoFrame>> KittiDrive::Next() {
+  if (next_ > last_) return std::nullopt;
+  StereoFrame frame;
+  frame.index = next_++;
+  const fs::path &left_path = left_paths_[frame.index], &right_path = right_paths_[frame.index];
+  CARMAP_ASSIGN_OR_RETURN(frame.left, ReadGreyImage(left_path));
+  CARMAP_ASSIGN_OR_RETURN(frame.right, ReadGreyImage(right_path));
+  const auto [width, height] = std::pair(rig_.camera.width, rig_.camera.height);
+  CARMAP_RETURN_IF_ERROR(CheckImageSize(left_path, frame.left, width, height));
+  CARMAP_RETURN_IF_ERROR(CheckImageSize(right_path, frame.right, width, height));
+  frame.timestamp = times_[frame.index];
+  if (!gps_.empty()) frame.gps = gps_[frame.index];
+  return frame;
+}
+
+}  // namespace carmap

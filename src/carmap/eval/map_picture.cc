@@ -1,0 +1,381 @@
+#include "carmap/eval/map_picture.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <string_view>
+
+#include "carmap/base/file.h"
+
+namespace carmap {
+namespace {
+
+// Everything is drawn at twice the size and then reduced: text and thin lines come out smooth.
+// Lengths named _px are of the finished picture.
+constexpr int kOversampling = 2;
+constexpr double kLongSidePx = 1600, kMinPlotWidthPx = 1000;
+constexpr int kLeftMarginPx = 84, kRightMarginPx = 28, kTopMarginPx = 66, kBottomMarginPx = 74;
+constexpr int kFont = cv::FONT_HERSHEY_DUPLEX;
+constexpr Rgb kBlack{30, 30, 30}, kGrey{110, 110, 110}, kGridColour{226, 229, 233},
+    kFrameColour{150, 150, 150}, kLandmarkColour{88, 110, 117};
+
+using Points = std::vector<Eigen::Vector3d>;
+
+/// A stretch of the ground, in metres.
+struct View {
+  Eigen::Vector2d min, max;  ///< (x, z)
+  Eigen::Vector2d size() const { return max - min; }
+};
+
+bool IsDrawable(const Eigen::Vector3d& p) {
+  constexpr double kMaxM = 1e9;
+  return p.allFinite() && p.cwiseAbs().maxCoeff() <= kMaxM;
+}
+
+std::optional<View> BoundingBox(const std::vector<PicturePath>& paths) {
+  std::optional<View> box;
+  for (const PicturePath& path : paths) {
+    for (const Eigen::Vector3d& p : path.positions_in_map) {
+      if (!IsDrawable(p)) continue;
+      const Eigen::Vector2d ground(p.x(), p.z());
+      if (!box) box = View{ground, ground};
+      box->min = box->min.cwiseMin(ground);
+      box->max = box->max.cwiseMax(ground);
+    }
+  }
+  return box;
+}
+
+/// The middle 90 % in x and in z.
+std::optional<View> MiddleOf(const Points& landmarks) {
+  std::vector<double> xs, zs;
+  for (const Eigen::Vector3d& p : landmarks) {
+    if (!IsDrawable(p)) continue;
+    xs.push_back(p.x());
+    zs.push_back(p.z());
+  }
+  if (xs.empty()) return std::nullopt;
+  std::sort(xs.begin(), xs.end());
+  std::sort(zs.begin(), zs.end());
+  const size_t low = xs.size() / 20, high = xs.size() - 1 - low;
+  return View{{xs[low], zs[low]}, {xs[high], zs[high]}};
+}
+
+View ChooseView(const MapPicture& picture) {
+  constexpr double kMarginM = 40, kMinAspect = kMinPlotWidthPx / kLongSidePx, kMaxAspect = 2;
+  const Eigen::Vector2d zero = Eigen::Vector2d::Zero();
+  std::optional<View> content = BoundingBox(picture.paths);
+  if (!content) content = MiddleOf(picture.landmarks_in_map);
+  const View box = content.value_or(View{zero, zero});
+  Eigen::Vector2d size = box.size() + Eigen::Vector2d::Constant(2 * kMarginM);
+  size.x() = std::max(size.x(), kMinAspect * size.y());
+  size.y() = std::max(size.y(), size.x() / kMaxAspect);
+  const Eigen::Vector2d center = (box.min + box.max) / 2;
+  return {center - size / 2, center + size / 2};
+}
+
+/// 1, 2 or 5 times a power of ten, the first that is not smaller.
+double RoundStepAtLeast(double metres) {
+  const double power = std::pow(10, std::floor(std::log10(metres)));
+  for (const double factor : {1, 2, 5}) {
+    if (factor * power >= metres * (1 - 1e-9)) return factor * power;
+  }
+  return 10 * power;
+}
+
+cv::Scalar ToScalar(Rgb colour) {
+  return {1.0 * colour.blue, 1.0 * colour.green, 1.0 * colour.red};
+}
+
+/// OpenCV's fonts have ASCII alone.
+std::string ToAscii(std::string text) {
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  return text;
+}
+
+enum class Anchor { kLeft, kMiddle, kRight };
+
+/// The picture while it is drawn. Coordinates are pixels of the finished picture.
+class Canvas {
+ public:
+  Canvas(int width_px, int height_px)
+      : image_(height_px * kOversampling, width_px * kOversampling, CV_8UC3, cv::Scalar::all(255)) {
+  }
+
+  void Line(Eigen::Vector2d a, Eigen::Vector2d b, Rgb colour, double thickness_px) {
+    cv::line(image_, ToFixed(a), ToFixed(b), ToScalar(colour), Thickness(thickness_px), cv::LINE_AA,
+             kShift);
+  }
+
+  void Polyline(const std::vector<Eigen::Vector2d>& points, Rgb colour, double thickness_px) {
+    std::vector<cv::Point> fixed;
+    for (const Eigen::Vector2d& point : points) fixed.push_back(ToFixed(point));
+    cv::polylines(image_, fixed, false, ToScalar(colour), Thickness(thickness_px), cv::LINE_AA,
+                  kShift);
+  }
+
+  void Dot(Eigen::Vector2d center, double radius_px, Rgb colour) {
+    cv::circle(image_, ToFixed(center),
+               static_cast<int>(std::lround(radius_px * kOversampling * (1 << kShift))),
+               ToScalar(colour), cv::FILLED, cv::LINE_AA, kShift);
+  }
+
+  void Box(Eigen::Vector2d min, Eigen::Vector2d max, Rgb fill, Rgb border) {
+    const cv::Rect rect(Whole(min), Whole(max));
+    cv::rectangle(image_, rect, ToScalar(fill), cv::FILLED);
+    cv::rectangle(image_, rect, ToScalar(border), kOversampling);
+  }
+
+  /// `at` is on the base line. Capitals are `height_px` high.
+  void Text(const std::string& text, Eigen::Vector2d at, double height_px, Rgb colour,
+            Anchor anchor) {
+    const double width_px = TextWidth(text, height_px);
+    if (anchor == Anchor::kMiddle) at.x() -= width_px / 2;
+    if (anchor == Anchor::kRight) at.x() -= width_px;
+    cv::putText(image_, text, Whole(at), kFont, FontScale(height_px), ToScalar(colour),
+                kTextThickness, cv::LINE_AA);
+  }
+
+  static double TextWidth(const std::string& text, double height_px) {
+    int base_line = 0;
+    const cv::Size size =
+        cv::getTextSize(text, kFont, FontScale(height_px), kTextThickness, &base_line);
+    return static_cast<double>(size.width) / kOversampling;
+  }
+
+  /// Half-transparent dots: where landmarks lie close together it gets darker. Dots stay inside the
+  /// frame.
+  void Cloud(const std::vector<Eigen::Vector2d>& centers, Eigen::Vector2d min, Eigen::Vector2d max,
+             Rgb colour) {
+    constexpr double kRadiusPx = 1.5;
+    constexpr float kTransparency = 0.55f;
+    const cv::Rect frame(Whole(min), Whole(max));
+    cv::Mat transparency(image_.size(), CV_32FC1, cv::Scalar(1));
+    const int reach = static_cast<int>(kRadiusPx * kOversampling);
+    for (const Eigen::Vector2d& center : centers) {
+      const cv::Point middle = Whole(center);
+      for (int dy = -reach; dy <= reach; ++dy) {
+        for (int dx = -reach; dx <= reach; ++dx) {
+          const cv::Point pixel(middle.x + dx, middle.y + dy);
+          if (dx * dx + dy * dy > reach * reach || !frame.contains(pixel)) continue;
+          transparency.at<float>(pixel) *= kTransparency;
+        }
+      }
+    }
+    Blend(transparency, colour);
+  }
+
+  cv::Mat Finish() const {
+    cv::Mat finished;
+    cv::resize(image_, finished, image_.size() / kOversampling, 0, 0, cv::INTER_AREA);
+    return finished;
+  }
+
+ private:
+  static constexpr int kShift = 4;  // OpenCV draws at fractions of a pixel in this fixed point
+  static constexpr int kTextThickness = kOversampling;
+
+  static cv::Point ToFixed(Eigen::Vector2d point) {
+    const Eigen::Vector2d fixed = point * kOversampling * (1 << kShift);
+    return {static_cast<int>(std::lround(fixed.x())), static_cast<int>(std::lround(fixed.y()))};
+  }
+  static cv::Point Whole(Eigen::Vector2d point) {
+    return {static_cast<int>(std::lround(point.x() * kOversampling)),
+            static_cast<int>(std::lround(point.y() * kOversampling))};
+  }
+  static int Thickness(double thickness_px) {
+    return std::max(1, static_cast<int>(std::lround(thickness_px * kOversampling)));
+  }
+  static double FontScale(double height_px) {
+    constexpr double kCapitalHeight = 21;  // of OpenCV's fonts at scale 1
+    return height_px * kOversampling / kCapitalHeight;
+  }
+
+  void Blend(const cv::Mat& transparency, Rgb colour) {
+    const cv::Scalar ink = ToScalar(colour);
+    for (int y = 0; y < image_.rows; ++y) {
+      for (int x = 0; x < image_.cols; ++x) {
+        const float share = transparency.at<float>(y, x);
+        if (share == 1) continue;
+        cv::Vec3b& pixel = image_.at<cv::Vec3b>(y, x);
+        for (int c = 0; c < 3; ++c) {
+          pixel[c] = cv::saturate_cast<uint8_t>(share * pixel[c] + (1 - share) * ink[c]);
+        }
+      }
+    }
+  }
+
+  cv::Mat image_;
+};
+
+/// Where a view stands in the picture.
+class Plot {
+ public:
+  explicit Plot(const View& view) : view_(view), px_per_m_(kLongSidePx / view.size().maxCoeff()) {}
+
+  const View& view() const { return view_; }
+  double px_per_m() const { return px_per_m_; }
+  Eigen::Vector2d size_px() const { return px_per_m_ * view_.size(); }
+  Eigen::Vector2d min_px() const { return {kLeftMarginPx, kTopMarginPx}; }
+  Eigen::Vector2d max_px() const { return min_px() + size_px(); }
+  /// z goes up where the picture's rows go down.
+  Eigen::Vector2d ToPicture(double x, double z) const {
+    return min_px() + px_per_m_ * Eigen::Vector2d(x - view_.min.x(), view_.max.y() - z);
+  }
+
+ private:
+  View view_;
+  double px_per_m_;
+};
+
+void DrawGrid(const Plot& plot, Canvas& canvas) {
+  constexpr double kSpacingPx = 110, kLabelPx = 11, kNamePx = 12;
+  const double step_m = RoundStepAtLeast(kSpacingPx / plot.px_per_m());
+  const View& view = plot.view();
+  const auto first = [&](double min) { return std::ceil(min / step_m); };
+  for (double i = first(view.min.x()); i * step_m <= view.max.x(); ++i) {
+    const double x = plot.ToPicture(i * step_m, 0).x();
+    canvas.Line({x, plot.min_px().y()}, {x, plot.max_px().y()}, kGridColour, 1);
+    canvas.Text(fmt::format("{:g}", i * step_m), {x, plot.max_px().y() + 24}, kLabelPx, kGrey,
+                Anchor::kMiddle);
+  }
+  for (double i = first(view.min.y()); i * step_m <= view.max.y(); ++i) {
+    const double y = plot.ToPicture(0, i * step_m).y();
+    canvas.Line({plot.min_px().x(), y}, {plot.max_px().x(), y}, kGridColour, 1);
+    canvas.Text(fmt::format("{:g}", i * step_m), {plot.min_px().x() - 10, y + kLabelPx / 2},
+                kLabelPx, kGrey, Anchor::kRight);
+  }
+  const double middle = (plot.min_px().x() + plot.max_px().x()) / 2;
+  canvas.Text("x, to the right (m)", {middle, plot.max_px().y() + 54}, kNamePx, kBlack,
+              Anchor::kMiddle);
+  canvas.Text("z, forward (m)", {14, plot.min_px().y() - 16}, kNamePx, kBlack, Anchor::kLeft);
+}
+
+void DrawFrame(const Plot& plot, Canvas& canvas) {
+  const Eigen::Vector2d a = plot.min_px(), b = plot.max_px();
+  canvas.Polyline({a, {b.x(), a.y()}, b, {a.x(), b.y()}, a}, kFrameColour, 1);
+}
+
+void DrawLandmarks(const Plot& plot, const Points& landmarks, Canvas& canvas) {
+  std::vector<Eigen::Vector2d> centers;
+  const View& view = plot.view();
+  for (const Eigen::Vector3d& p : landmarks) {
+    const bool is_inside = p.x() > view.min.x() && p.x() < view.max.x() && p.z() > view.min.y() &&
+                           p.z() < view.max.y();
+    if (is_inside) centers.push_back(plot.ToPicture(p.x(), p.z()));
+  }
+  canvas.Cloud(centers, plot.min_px(), plot.max_px(), kLandmarkColour);
+}
+
+constexpr double kLinePx = 2.5, kDotRadiusPx = 4;
+
+void DrawPath(const Plot& plot, const PicturePath& path, Canvas& canvas) {
+  std::vector<Eigen::Vector2d> line;
+  const auto draw_line = [&] {
+    if (line.size() > 1) canvas.Polyline(line, path.colour, kLinePx);
+    line.clear();
+  };
+  for (const Eigen::Vector3d& p : path.positions_in_map) {
+    if (!IsDrawable(p)) {
+      draw_line();  // a gap where the frame was lost
+    } else if (path.as_dots) {
+      canvas.Dot(plot.ToPicture(p.x(), p.z()), kDotRadiusPx, path.colour);
+    } else {
+      line.push_back(plot.ToPicture(p.x(), p.z()));
+    }
+  }
+  draw_line();
+}
+
+void DrawLegend(const Plot& plot, const MapPicture& picture, Canvas& canvas) {
+  constexpr double kRowPx = 28, kTextPx = 12, kPaddingPx = 14, kSamplePx = 34, kInsetPx = 16;
+  const std::string landmarks = fmt::format("{} landmarks", picture.landmarks_in_map.size());
+  double text_width_px = Canvas::TextWidth(landmarks, kTextPx);
+  for (const PicturePath& path : picture.paths) {
+    text_width_px = std::max(text_width_px, Canvas::TextWidth(ToAscii(path.name), kTextPx));
+  }
+  const auto rows = static_cast<double>(picture.paths.size() + 1);
+  const Eigen::Vector2d size(kSamplePx + text_width_px + 3 * kPaddingPx,
+                             rows * kRowPx + kPaddingPx);
+  const Eigen::Vector2d min(plot.max_px().x() - kInsetPx - size.x(), plot.min_px().y() + kInsetPx);
+  canvas.Box(min, min + size, {255, 255, 255}, kFrameColour);
+
+  Eigen::Vector2d sample = min + Eigen::Vector2d(kPaddingPx, kPaddingPx / 2 + kRowPx / 2);
+  const auto write_row = [&](const std::string& text) {
+    canvas.Text(text, sample + Eigen::Vector2d(kSamplePx + kPaddingPx, kTextPx / 2), kTextPx,
+                kBlack, Anchor::kLeft);
+    sample.y() += kRowPx;
+  };
+  for (const PicturePath& path : picture.paths) {
+    const Eigen::Vector2d half(kSamplePx / 2, 0);
+    if (path.as_dots) {
+      canvas.Dot(sample + half, kDotRadiusPx, path.colour);
+    } else {
+      canvas.Line(sample, sample + 2 * half, path.colour, kLinePx);
+    }
+    write_row(ToAscii(path.name));
+  }
+  for (const auto& [dx, dy] : {std::pair{6, 3}, {15, -4}, {22, 4}, {30, -2}}) {
+    canvas.Dot(sample + Eigen::Vector2d(dx, dy), 1.5, kLandmarkColour);
+  }
+  write_row(landmarks);
+}
+
+void DrawScaleBar(const Plot& plot, Canvas& canvas) {
+  constexpr double kMinLengthPx = 120, kInsetPx = 30, kTextPx = 12, kTickPx = 6, kHeightPx = 52;
+  const double length_m = RoundStepAtLeast(kMinLengthPx / plot.px_per_m());
+  const double length_px = length_m * plot.px_per_m();
+  const Eigen::Vector2d a(plot.min_px().x() + kInsetPx, plot.max_px().y() - kInsetPx);
+  const Eigen::Vector2d b = a + Eigen::Vector2d(length_px, 0), tick(0, kTickPx);
+  canvas.Box(a - Eigen::Vector2d(14, kHeightPx - 14), b + Eigen::Vector2d(14, 14), {255, 255, 255},
+             kFrameColour);
+  canvas.Line(a, b, kBlack, 2);
+  canvas.Line(a - tick, a + tick, kBlack, 2);
+  canvas.Line(b - tick, b + tick, kBlack, 2);
+  canvas.Text(fmt::format("{:g} m", length_m), (a + b) / 2 - Eigen::Vector2d(0, 14), kTextPx,
+              kBlack, Anchor::kMiddle);
+}
+
+void DrawTitle(const Plot& plot, const std::string& title, Canvas& canvas) {
+  constexpr double kMaxTextPx = 18, kRoomForAxisPx = 110;
+  const std::string text = ToAscii(title);
+  const double room_px = plot.size_px().x() - 2 * kRoomForAxisPx;
+  const double width_px = std::max(Canvas::TextWidth(text, kMaxTextPx), 1.0);
+  const double middle = (plot.min_px().x() + plot.max_px().x()) / 2;
+  canvas.Text(text, {middle, 40}, kMaxTextPx * std::min(1.0, room_px / width_px), kBlack,
+              Anchor::kMiddle);
+}
+
+}  // namespace
+
+cv::Mat RenderMapPicture(const MapPicture& picture) {
+  const Plot plot(ChooseView(picture));
+  const Eigen::Vector2i size = (plot.max_px() + Eigen::Vector2d(kRightMarginPx, kBottomMarginPx))
+                                   .array()
+                                   .ceil()
+                                   .matrix()
+                                   .cast<int>();
+  Canvas canvas(size.x(), size.y());
+  DrawGrid(plot, canvas);
+  DrawLandmarks(plot, picture.landmarks_in_map, canvas);
+  for (const PicturePath& path : picture.paths) DrawPath(plot, path, canvas);
+  DrawFrame(plot, canvas);
+  DrawLegend(plot, picture, canvas);
+  DrawScaleBar(plot, canvas);
+  DrawTitle(plot, picture.title, canvas);
+  return canvas.Finish();
+}
+
+absl::Status WriteMapPicture(const std::filesystem::path& path, const MapPicture& picture) {
+  std::vector<uchar> png;
+  cv::imencode(".png", RenderMapPicture(picture), png);
+  return WriteFileAtomically(
+      path, std::string_view(reinterpret_cast<const char*>(png.data()), png.size()));
+}
+
+}  // namespace carmap

@@ -1,0 +1,47 @@
+// A picture of a map from above: landmarks as dots, paths as lines, a grid in metres.
+//
+// The view is the camera's of the map's frame, from above: x to the right, z (forward) up. Pure
+// functions.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <filesystem>
+#include <opencv2/core/mat.hpp>
+#include <string>
+#include <vector>
+
+namespace carmap {
+
+struct Rgb {
+  uint8_t red = 0, green = 0, blue = 0;
+};
+
+/// Colours that can be told apart on white, also by most colour-blind people.
+inline constexpr Rgb kEstimateColour{0, 90, 181}, kTruthColour{220, 50, 32},
+    kKeyframeColour{230, 159, 0};
+
+struct PicturePath {
+  std::string name;  ///< for the legend; ASCII
+  Rgb colour;
+  std::vector<Eigen::Vector3d> positions_in_map;
+  bool as_dots = false;  ///< a dot at each position (keyframes) rather than a line
+};
+
+struct MapPicture {
+  std::string title;  ///< ASCII
+  std::vector<Eigen::Vector3d> landmarks_in_map;
+  std::vector<PicturePath> paths;  ///< later ones are drawn over earlier ones
+};
+
+/// 8-bit BGR, at least 1000 px wide. Shows the paths' bounding box and 40 m around it, whatever
+/// lies outside (without paths: the middle 90 % of the landmarks). Positions that are not finite
+/// are not drawn.
+cv::Mat RenderMapPicture(const MapPicture& picture);
+
+/// As PNG. Errors: as WriteFileAtomically.
+absl::Status WriteMapPicture(const std::filesystem::path& path, const MapPicture& picture);
+
+}  // namespace carmap

@@ -1,0 +1,139 @@
+#include "carmap/feature/corner_detector.h"
+
+#include <hwy/highway.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+
+namespace carmap {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using Bytes = hn::ScalableTag<uint8_t>;
+using Vector = hn::Vec<Bytes>;
+
+// The Bresenham circle of radius 3, in order.
+constexpr std::array<std::array<int, 2>, 16> kCircle = {
+    {{0, -3}, {1, -3}, {2, -2}, {3, -1}, {3, 0}, {3, 1}, {2, 2}, {1, 3},
+     {0, 3}, {-1, 3}, {-2, 2}, {-3, 1}, {-3, 0}, {-3, -1}, {-2, -2}, {-1, -3}}};
+
+auto AtLeast(Vector a, Vector b) { return hn::Eq(hn::Max(a, b), a); }
+
+/// Largest, over all arcs of nine neighbours on the circle, of the smallest value on the arc.
+Vector BestArc(const std::array<Vector, 16>& circle) {
+  std::array<Vector, 16> pairs, quads;
+  for (int i = 0; i < 16; ++i) pairs[i] = hn::Min(circle[i], circle[(i + 1) % 16]);
+  for (int i = 0; i < 16; ++i) quads[i] = hn::Min(pairs[i], pairs[(i + 2) % 16]);
+  Vector best = hn::Zero(Bytes());
+  for (int i = 0; i < 16; ++i) {
+    const Vector eight = hn::Min(quads[i], quads[(i + 4) % 16]);
+    best = hn::Max(best, hn::Min(eight, circle[(i + 8) % 16]));
+  }
+  return best;
+}
+
+/// An arc of nine covers at least two neighbouring compass points, so both of a pair must differ.
+bool MayHoldCorner(const uint8_t* center, const std::array<ptrdiff_t, 16>& offsets, Vector threshold) {
+  const Bytes d;
+  const Vector c = hn::LoadU(d, center);
+  std::array<Vector, 4> brighter, darker;
+  for (int i = 0; i < 4; ++i) {
+    const Vector p = hn::LoadU(d, center + offsets[4 * i]);
+    brighter[i] = hn::SaturatedSub(p, c);
+    darker[i] = hn::SaturatedSub(c, p);
+  }
+  Vector best = hn::Zero(d);
+  for (int i = 0; i < 4; ++i) {
+    best = hn::Max(best, hn::Min(brighter[i], brighter[(i + 1) % 4]));
+    best = hn::Max(best, hn::Min(darker[i], darker[(i + 1) % 4]));
+  }
+  return !hn::AllFalse(d, AtLeast(best, threshold));
+}
+
+Vector Scores(const uint8_t* center, const std::array<ptrdiff_t, 16>& offsets) {
+  const Bytes d;
+  const Vector c = hn::LoadU(d, center);
+  std::array<Vector, 16> brighter, darker;
+  for (int i = 0; i < 16; ++i) {
+    const Vector p = hn::LoadU(d, center + offsets[i]);
+    brighter[i] = hn::SaturatedSub(p, c);
+    darker[i] = hn::SaturatedSub(c, p);
+  }
+  return hn::Max(BestArc(brighter), BestArc(darker));
+}
+
+/// Scores of one row, zero where below the threshold. Works in whole vectors: the last one is moved
+/// left to end at x_end, so it may compute some pixels twice.
+void ScoreRow(const cv::Mat& image, int y, int x_begin, int x_end, uint8_t threshold, uint8_t* scores) {
+  const Bytes d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  std::array<ptrdiff_t, 16> offsets;
+  for (int i = 0; i < 16; ++i) {
+    offsets[i] = kCircle[i][0] + kCircle[i][1] * static_cast<ptrdiff_t>(image.step[0]);
+  }
+  const uint8_t* row = image.ptr<uint8_t>(y);
+  const Vector limit = hn::Set(d, threshold);
+  for (int x = x_begin; x < x_end; x += lanes) {
+    x = std::min(x, x_end - lanes);
+    Vector score = hn::Zero(d);
+    if (MayHoldCorner(row + x, offsets, limit)) {
+      score = Scores(row + x, offsets);
+      score = hn::IfThenElseZero(AtLeast(score, limit), score);
+    }
+    hn::StoreU(score, d, scores + x);
+  }
+}
+
+/// Appends the pixels of the middle row that are local maxima. Of equal neighbours the first wins.
+void CollectMaxima(const uint8_t* above, const uint8_t* middle, const uint8_t* below, int y, int x_begin,
+                   int x_end, std::vector<Corner>& corners) {
+  const Bytes d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int x = x_begin; x < x_end; x += lanes) {
+    const Vector score = hn::LoadU(d, middle + x);
+    if (hn::AllTrue(d, hn::Eq(score, hn::Zero(d)))) continue;
+    const Vector before = hn::Max(hn::Max(hn::LoadU(d, above + x - 1), hn::LoadU(d, above + x)),
+                                  hn::Max(hn::LoadU(d, above + x + 1), hn::LoadU(d, middle + x - 1)));
+    const Vector after = hn::Max(hn::Max(hn::LoadU(d, below + x - 1), hn::LoadU(d, below + x)),
+                                 hn::Max(hn::LoadU(d, below + x + 1), hn::LoadU(d, middle + x + 1)));
+    const auto is_maximum = hn::And(hn::Gt(score, before), AtLeast(score, after));
+    std::array<uint8_t, (HWY_MAX_BYTES + 7) / 8> bytes{};
+    hn::StoreMaskBits(d, is_maximum, bytes.data());
+    for (int lane = 0; lane < lanes && x + lane < x_end; ++lane) {
+      if ((bytes[lane / 8] >> (lane % 8)) & 1) {
+        corners.push_back({static_cast<int16_t>(x + lane), static_cast<int16_t>(y), middle[x + lane]});
+      }
+    }
+  }
+}
+
+}  // namespace
+
+std::vector<Corner> DetectCorners(const cv::Mat& image, int threshold, int margin) {
+  std::vector<Corner> corners;
+  const int lanes = static_cast<int>(hn::Lanes(Bytes()));
+  const int x_begin = margin, x_end = image.cols - margin;
+  if (x_end - x_begin < lanes || image.rows <= 2 * margin) return corners;
+
+  // Scores of three neighbouring rows, with room for whole vectors around them.
+  const int stride = image.cols + 2 * lanes;
+  std::vector<uint8_t> buffer(3 * static_cast<size_t>(stride), 0);
+  const auto scores_of = [&](int y) { return buffer.data() + (y % 3) * stride + lanes; };
+  const auto fill = [&](int y) {
+    if (y >= margin && y < image.rows - margin) {
+      ScoreRow(image, y, x_begin, x_end, static_cast<uint8_t>(threshold), scores_of(y));
+    } else {
+      std::fill_n(scores_of(y), image.cols, uint8_t{0});
+    }
+  };
+  fill(margin - 1);
+  fill(margin);
+  for (int y = margin; y < image.rows - margin; ++y) {
+    fill(y + 1);
+    CollectMaxima(scores_of(y - 1), scores_of(y), scores_of(y + 1), y, x_begin, x_end, corners);
+  }
+  return corners;
+}
+
+}  // namespace carmap

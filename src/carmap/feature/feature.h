@@ -1,0 +1,48 @@
+// Image features: where they are, how far away, and what they look like.
+#pragma once
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <vector>
+
+namespace carmap {
+
+/// 256 binary intensity tests (the feature signature of paper §2).
+struct Descriptor {
+  std::array<uint64_t, 4> words{};
+  auto operator<=>(const Descriptor&) const = default;
+};
+
+/// Number of differing bits, 0..256.
+inline int HammingDistance(const Descriptor& a, const Descriptor& b) {
+  int distance = 0;
+  for (size_t i = 0; i < a.words.size(); ++i) distance += std::popcount(a.words[i] ^ b.words[i]);
+  return distance;
+}
+
+/// A feature of the left image, in pixels of the full-size image.
+struct Feature {
+  float x_px = 0, y_px = 0;
+  float disparity_px = kNoDisparity;  ///< u_left - u_right > 0, or kNoDisparity
+  uint8_t level = 0;                  ///< of the image pyramid; 0 is full size
+  Descriptor descriptor;
+
+  static constexpr float kNoDisparity = -1;
+  bool has_disparity() const { return disparity_px > 0; }
+};
+
+/// Size ratio of neighbouring pyramid levels. Fixed: maps of all vehicles must agree on it.
+inline constexpr double kLevelScale = 1.2;
+inline constexpr int kLevelCount = 8;
+
+/// Pixels of the full-size image that one pixel of this level spans.
+inline double ScaleOfLevel(int level) { return std::pow(kLevelScale, level); }
+
+/// A coordinate of a level's pixel grid in the full-size image, and back. Images share their outer
+/// edges, so centres of pixels shift by half a pixel's difference.
+inline double FullSizeFromLevel(double at_level, double scale) { return (at_level + 0.5) * scale - 0.5; }
+inline double LevelFromFullSize(double at_full, double scale) { return (at_full + 0.5) / scale - 0.5; }
+
+}  // namespace carmap

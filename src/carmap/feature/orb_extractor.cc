@@ -1,0 +1,132 @@
+#include "carmap/feature/orb_extractor.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <opencv2/imgproc.hpp>
+#include <random>
+
+#include "carmap/feature/corner_detector.h"
+
+namespace carmap {
+namespace {
+
+constexpr int kPatchRadius = 15;
+constexpr int kMargin = kPatchRadius + 1;
+
+struct TestPoint {
+  int8_t x, y;
+};
+using TestPattern = std::array<std::array<TestPoint, 2>, 256>;
+
+/// BRIEF's isotropic Gaussian pattern (Calonder et al. 2010, G II), from whole numbers only: all
+/// vehicles must draw the same one.
+TestPattern DrawPattern() {
+  std::mt19937_64 random(20200225);
+  const auto coordinate = [&] {
+    while (true) {
+      int sum = 0;  // of four uniform draws: close to a Gaussian of deviation 6.4
+      for (int i = 0; i < 4; ++i) sum += static_cast<int>(random() % 12);
+      if (std::abs(sum - 22) <= kPatchRadius) return static_cast<int8_t>(sum - 22);
+    }
+  };
+  TestPattern pattern;
+  for (auto& [a, b] : pattern) {
+    do {
+      a = {coordinate(), coordinate()};
+      b = {coordinate(), coordinate()};
+    } while (std::abs(a.x - b.x) + std::abs(a.y - b.y) < 4);
+  }
+  return pattern;
+}
+
+const TestPattern kPattern = DrawPattern();
+
+Descriptor Describe(const std::array<std::array<ptrdiff_t, 2>, 256>& offsets, const uint8_t* center) {
+  Descriptor descriptor;
+  for (size_t word = 0; word < 4; ++word) {
+    uint64_t bits = 0;
+    for (size_t bit = 0; bit < 64; ++bit) {
+      const auto& [a, b] = offsets[64 * word + bit];
+      bits |= static_cast<uint64_t>(center[a] < center[b]) << bit;
+    }
+    descriptor.words[word] = bits;
+  }
+  return descriptor;
+}
+
+/// Keeps at most `count` corners: from each cell of a grid its best, then each cell's second best, and
+/// so on, so that strong texture in one place does not starve the rest of the image.
+std::vector<Corner> SpreadEvenly(std::vector<Corner> corners, const cv::Size& size, size_t count) {
+  if (corners.size() <= count) return corners;
+  const double area = static_cast<double>(size.width) * size.height;
+  const int cell_px = std::max(8, static_cast<int>(std::sqrt(area / static_cast<double>(count))));
+  const int columns = size.width / cell_px + 1, rows = size.height / cell_px + 1;
+
+  std::sort(corners.begin(), corners.end(), [](const Corner& a, const Corner& b) {
+    return std::tuple(-a.score, a.y, a.x) < std::tuple(-b.score, b.y, b.x);
+  });
+  std::vector<int> taken_of_cell(static_cast<size_t>(columns) * rows, 0);
+  std::vector<std::vector<Corner>> by_rank;
+  for (const Corner& corner : corners) {
+    const size_t rank = taken_of_cell[(corner.y / cell_px) * columns + corner.x / cell_px]++;
+    if (rank >= by_rank.size()) by_rank.emplace_back();
+    by_rank[rank].push_back(corner);
+  }
+  std::vector<Corner> kept;
+  for (const auto& corners_of_rank : by_rank) {
+    const size_t room = std::min(count - kept.size(), corners_of_rank.size());
+    kept.insert(kept.end(), corners_of_rank.begin(), corners_of_rank.begin() + room);
+  }
+  return kept;
+}
+
+std::vector<Feature> ExtractLevel(const cv::Mat& image, int level, size_t count, int threshold) {
+  const std::vector<Corner> corners =
+      SpreadEvenly(DetectCorners(image, threshold, kMargin), image.size(), count);
+  std::vector<Feature> features;
+  if (corners.empty()) return features;
+
+  cv::Mat smooth;
+  cv::GaussianBlur(image, smooth, {7, 7}, 2, 2, cv::BORDER_REFLECT_101);
+  std::array<std::array<ptrdiff_t, 2>, 256> offsets;
+  const auto stride = static_cast<ptrdiff_t>(smooth.step[0]);
+  for (size_t i = 0; i < offsets.size(); ++i) {
+    const auto& [a, b] = kPattern[i];
+    offsets[i] = {a.x + a.y * stride, b.x + b.y * stride};
+  }
+  features.reserve(corners.size());
+  const double scale = ScaleOfLevel(level);
+  for (const Corner& corner : corners) {
+    features.push_back({.x_px = static_cast<float>(FullSizeFromLevel(corner.x, scale)),
+                        .y_px = static_cast<float>(FullSizeFromLevel(corner.y, scale)),
+                        .level = static_cast<uint8_t>(level),
+                        .descriptor = Describe(offsets, smooth.ptr<uint8_t>(corner.y, corner.x))});
+  }
+  return features;
+}
+
+}  // namespace
+
+std::vector<Feature> ExtractOrb(const ImagePyramid& pyramid, const OrbOptions& options) {
+  // Each level's share falls with its side length, as the number of places for a feature along an
+  // edge does.
+  const double ratio = 1 / kLevelScale;
+  const double first_share = (1 - ratio) / (1 - std::pow(ratio, kLevelCount));
+  std::array<std::vector<Feature>, kLevelCount> by_level;
+  tbb::parallel_for(0, kLevelCount, [&](int level) {
+    const double share = first_share * std::pow(ratio, level);
+    by_level[level] = ExtractLevel(pyramid[level], level,
+                                   static_cast<size_t>(options.feature_count * share),
+                                   options.corner_threshold);
+  });
+  std::vector<Feature> features;
+  for (const auto& level_features : by_level) {
+    features.insert(features.end(), level_features.begin(), level_features.end());
+  }
+  return features;
+}
+
+}  // namespace carmap

@@ -1,0 +1,23 @@
+// ORB features (Rublee et al. 2011), upright: FAST corners over an image pyramid, spread evenly, with
+// binary descriptors.
+//
+// Cars do not roll, so descriptors are not steered by the patch's orientation, which costs
+// distinctiveness and buys nothing on a road (docs/decisions/0003-upright-descriptors.md).
+#pragma once
+
+#include <vector>
+
+#include "carmap/feature/feature.h"
+#include "carmap/feature/image_pyramid.h"
+
+namespace carmap {
+
+struct OrbOptions {
+  int feature_count = 1600;   ///< at most, over all levels
+  int corner_threshold = 10;  ///< least contrast of a corner, grey values
+};
+
+/// Features in the order of their levels. They have no disparity yet.
+std::vector<Feature> ExtractOrb(const ImagePyramid& pyramid, const OrbOptions& options);
+
+}  // namespace carmap

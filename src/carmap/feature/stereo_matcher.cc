@@ -1,0 +1,156 @@
+#include "carmap/feature/stereo_matcher.h"
+
+#include <hwy/highway.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+namespace carmap {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+constexpr int kRadius = 5;
+constexpr int kSide = 2 * kRadius + 1;
+constexpr int kLoadBytes = 16;  // of which kSide count
+
+using Bytes = hn::FixedTag<uint8_t, kLoadBytes>;
+using PatchRows = std::array<hn::Vec<Bytes>, kSide>;
+
+hn::Vec<Bytes> LoadRow(const uint8_t* pixels) {
+  const Bytes d;
+  return hn::IfThenElseZero(hn::FirstN(d, kSide), hn::LoadU(d, pixels));
+}
+
+hn::Vec<Bytes> AbsoluteDifference(hn::Vec<Bytes> a, hn::Vec<Bytes> b) {
+  return hn::Or(hn::SaturatedSub(a, b), hn::SaturatedSub(b, a));
+}
+
+PatchRows LoadPatch(const cv::Mat& image, int x, int y) {
+  PatchRows rows;
+  for (int i = 0; i < kSide; ++i) rows[i] = LoadRow(image.ptr<uint8_t>(y - kRadius + i, x - kRadius));
+  return rows;
+}
+
+/// Sum of absolute grey differences between a patch and the image around (x, y).
+int Difference(const PatchRows& patch, const cv::Mat& image, int x, int y) {
+  const hn::FixedTag<uint64_t, 2> sums;
+  auto sum = hn::Zero(sums);
+  const uint8_t* pixels = image.ptr<uint8_t>(y - kRadius, x - kRadius);
+  for (int i = 0; i < kSide; ++i, pixels += image.step[0]) {
+    sum = hn::Add(sum, hn::SumsOf8(AbsoluteDifference(patch[i], LoadRow(pixels))));
+  }
+  return static_cast<int>(hn::GetLane(hn::SumOfLanes(sums, sum)));
+}
+
+/// Best x along the row, unless another place is almost as good.
+std::optional<int> SearchRow(const PatchRows& patch, const cv::Mat& right, int y, int x_first, int x_last,
+                             const StereoOptions& options, std::vector<int>& differences) {
+  differences.resize(x_last - x_first + 1);
+  for (int x = x_first; x <= x_last; ++x) differences[x - x_first] = Difference(patch, right, x, y);
+  const auto best = std::min_element(differences.begin(), differences.end());
+  if (*best > options.max_mean_difference * kSide * kSide) return std::nullopt;
+  int second = std::numeric_limits<int>::max();
+  for (auto other = differences.begin(); other != differences.end(); ++other) {
+    if (std::abs(other - best) > 2) second = std::min(second, *other);
+  }
+  if (second < options.uniqueness * *best) return std::nullopt;
+  return x_first + static_cast<int>(best - differences.begin());
+}
+
+/// Pixels of a square around a place between pixels. The image must hold it with one pixel to spare.
+template <int kWidth>
+void SampleBilinear(const cv::Mat& image, double x, double y, std::array<float, kWidth * kWidth>& out) {
+  const int x0 = static_cast<int>(std::floor(x)), y0 = static_cast<int>(std::floor(y));
+  const auto fx = static_cast<float>(x - x0), fy = static_cast<float>(y - y0);
+  const float w00 = (1 - fx) * (1 - fy), w01 = fx * (1 - fy), w10 = (1 - fx) * fy, w11 = fx * fy;
+  for (int row = 0; row < kWidth; ++row) {
+    const uint8_t* a = image.ptr<uint8_t>(y0 - kWidth / 2 + row, x0 - kWidth / 2);
+    const uint8_t* b = a + image.step[0];
+    for (int column = 0; column < kWidth; ++column) {
+      out[row * kWidth + column] = w00 * a[column] + w01 * a[column + 1] + w10 * b[column] + w11 * b[column + 1];
+    }
+  }
+}
+
+/// Place in `right` whose surroundings look most like those of (x, y) in `left`, near `start`.
+std::optional<Eigen::Vector2d> RefineMatch(const cv::Mat& left, int x, int y, const cv::Mat& right,
+                                           const Eigen::Vector2d& start, double max_row_offset_px) {
+  constexpr int kPixels = kSide * kSide;
+  std::array<float, kPixels> reference, gradient_x, gradient_y, current;
+  Eigen::Matrix3f normal = Eigen::Matrix3f::Zero();
+  for (int row = 0, i = 0; row < kSide; ++row) {
+    const uint8_t* p = left.ptr<uint8_t>(y - kRadius + row, x - kRadius);
+    const auto step = static_cast<ptrdiff_t>(left.step[0]);
+    for (int column = 0; column < kSide; ++column, ++p, ++i) {
+      reference[i] = *p;
+      gradient_x[i] = 0.5f * (p[1] - p[-1]);
+      gradient_y[i] = 0.5f * (p[step] - p[-step]);
+      const Eigen::Vector3f jacobian(gradient_x[i], gradient_y[i], 1);
+      normal += jacobian * jacobian.transpose();
+    }
+  }
+  // The third unknown is a brightness offset between the cameras.
+  const Eigen::Matrix3f inverse = (normal + 1e-3f * Eigen::Matrix3f::Identity()).inverse();
+  Eigen::Vector2d place = start;
+  for (int iteration = 0; iteration < 6; ++iteration) {
+    if (place.x() < kRadius + 1 || place.x() > right.cols - kRadius - 3 || place.y() < kRadius + 1 ||
+        place.y() > right.rows - kRadius - 3) {
+      return std::nullopt;
+    }
+    SampleBilinear<kSide>(right, place.x(), place.y(), current);
+    Eigen::Vector3f gradient = Eigen::Vector3f::Zero();
+    for (int i = 0; i < kPixels; ++i) {
+      const float error = reference[i] - current[i];
+      gradient += error * Eigen::Vector3f(gradient_x[i], gradient_y[i], 1);
+    }
+    const Eigen::Vector3f step = inverse * gradient;
+    place += step.head<2>().cast<double>();
+    if ((place - start).cwiseAbs().maxCoeff() > std::max(1.5, max_row_offset_px)) return std::nullopt;
+    if (step.head<2>().squaredNorm() < 1e-4f) break;
+  }
+  if (std::abs(place.y() - y) > max_row_offset_px) return std::nullopt;
+  return place;
+}
+
+float FindDisparity(const Feature& feature, const ImagePyramid& left, const ImagePyramid& right,
+                    const StereoRig& rig, const StereoOptions& options, std::vector<int>& scratch) {
+  const double scale = ScaleOfLevel(feature.level);
+  const cv::Mat& left_image = left[feature.level];
+  const cv::Mat& right_image = right[feature.level];
+  const int x = static_cast<int>(std::lround(LevelFromFullSize(feature.x_px, scale)));
+  const int y = static_cast<int>(std::lround(LevelFromFullSize(feature.y_px, scale)));
+  const double max_disparity = rig.DisparityAt(options.min_depth_m) / scale;
+  const int x_first = std::max(kRadius + 1, static_cast<int>(x - max_disparity));
+  const int x_last = std::min(x + 1, right_image.cols - kLoadBytes + kRadius);
+  if (x_last < x_first || y < kRadius + 1 || y >= right_image.rows - kRadius - 1) return Feature::kNoDisparity;
+
+  const std::optional<int> best = SearchRow(LoadPatch(left_image, x, y), right_image, y, x_first, x_last,
+                                            options, scratch);
+  if (!best) return Feature::kNoDisparity;
+  const auto place = RefineMatch(left_image, x, y, right_image, {*best, y}, options.max_row_offset_px);
+  if (!place) return Feature::kNoDisparity;
+  const double disparity = (x - place->x()) * scale;
+  return disparity >= options.min_disparity_px ? static_cast<float>(disparity) : Feature::kNoDisparity;
+}
+
+}  // namespace
+
+void MatchStereo(const ImagePyramid& left, const ImagePyramid& right, const StereoRig& rig,
+                 const StereoOptions& options, std::vector<Feature>& features) {
+  tbb::parallel_for(tbb::blocked_range<size_t>(0, features.size(), 64), [&](const auto& range) {
+    std::vector<int> scratch;
+    for (size_t i = range.begin(); i != range.end(); ++i) {
+      features[i].disparity_px = FindDisparity(features[i], left, right, rig, options, scratch);
+    }
+  });
+}
+
+}  // namespace carmap

@@ -1,0 +1,620 @@
+#include "carmap/format/lean_codec.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "carmap/base/file.h"
+#include "carmap/base/status_macros.h"
+#include "carmap/format/byte_io.h"
+#include "carmap/format/columns.h"
+#include "carmap/format/container.h"
+#include "carmap/format/lean_grid.h"
+
+namespace carmap {
+namespace {
+
+enum SectionId : uint16_t { kCounts = 1, kDrives, kKeyframes, kLandmarks, kDescriptors };
+constexpr const char* kSectionNames[] = {"",          "counts",    "drives",
+                                         "keyframes", "landmarks", "descriptors"};
+
+constexpr uint64_t kMaxDrives = uint64_t{1} << 16;
+constexpr uint64_t kMaxKeyframes = uint64_t{1} << 24;
+constexpr uint64_t kMaxLandmarks = uint64_t{1} << 28;
+constexpr uint64_t kMaxObservations = uint64_t{1} << 36;
+constexpr size_t kDriveBytes = 56;
+constexpr size_t kDescriptorBytes = 32;
+
+/// How many records of each kind the columns hold.
+struct Counts {
+  uint64_t drives = 0, keyframes = 0, gps_fixes = 0, landmarks = 0;
+  uint64_t runs = 0;          ///< of consecutive keyframes, in all keyframe lists together
+  uint64_t observations = 0;  ///< entries of all keyframe lists together
+};
+
+/// A bound on what the map takes in memory, for comparison with its file.
+uint64_t DecodedSize(const Counts& counts) {
+  return 128 * (counts.drives + counts.keyframes + counts.landmarks) + 16 * counts.runs +
+         4 * counts.observations;
+}
+
+/// A file of this size may decode to this much, so that no small file exhausts memory.
+uint64_t DecodedSizeLimit(uint64_t file_size) { return (uint64_t{1} << 20) + 64 * file_size; }
+
+bool IsWithinLimits(const Counts& counts) {
+  return counts.drives <= kMaxDrives && counts.keyframes <= kMaxKeyframes &&
+         counts.landmarks <= kMaxLandmarks && counts.observations <= kMaxObservations;
+}
+
+/// Calls visit(first, length) for each run of consecutive numbers.
+template <typename Visitor>
+void ForEachRun(const std::vector<uint32_t>& ascending, Visitor visit) {
+  for (size_t begin = 0; begin < ascending.size();) {
+    size_t end = begin + 1;
+    while (end < ascending.size() && ascending[end] == ascending[end - 1] + 1) ++end;
+    visit(ascending[begin], static_cast<uint32_t>(end - begin));
+    begin = end;
+  }
+}
+
+Counts CountsOf(const LeanMap& map) {
+  Counts counts;
+  counts.drives = map.drives.size();
+  counts.keyframes = map.keyframes.size();
+  counts.landmarks = map.landmarks.size();
+  for (const LeanKeyframe& keyframe : map.keyframes) counts.gps_fixes += keyframe.gps ? 1 : 0;
+  for (const LeanLandmark& landmark : map.landmarks) {
+    counts.observations += landmark.keyframe_idxs.size();
+    ForEachRun(landmark.keyframe_idxs, [&](uint32_t, uint32_t) { ++counts.runs; });
+  }
+  return counts;
+}
+
+/// The landmark's position is stored relative to this keyframe: the last one that sees it, which
+/// under forward motion is the nearest.
+GridVector ReferenceOf(const std::vector<uint32_t>& keyframe_idxs,
+                       const std::vector<GridVector>& translations, int position_exponent) {
+  return CoarsenToPositionGrid(translations[keyframe_idxs.back()], position_exponent);
+}
+
+// Writing. The order of the columns is that of docs/format.md.
+
+/// Each less the one before it; the first as it is.
+std::vector<GridVector> Differences(const std::vector<GridVector>& values) {
+  std::vector<GridVector> differences(values);
+  for (size_t i = 1; i < values.size(); ++i) differences[i] -= values[i - 1];
+  return differences;
+}
+
+void AppendVectors(const std::vector<GridVector>& values, int level, std::string& out) {
+  for (int axis = 0; axis < 3; ++axis) {
+    std::vector<uint64_t> column;
+    column.reserve(values.size());
+    for (const GridVector& value : values) column.push_back(ZigZag(value[axis]));
+    AppendIntColumn(column, level, out);
+  }
+}
+
+/// Records are ordered by (drive, index): how many each drive has, and how many indices lie between
+/// one and the next.
+template <typename Record>
+void AppendIds(const std::vector<LeanDrive>& drives, const std::vector<Record>& records, int level,
+               std::string& out) {
+  std::vector<uint64_t> per_drive, skipped;
+  auto record = records.begin();
+  for (const LeanDrive& drive : drives) {
+    const auto first = record;
+    uint64_t next_index = 0;
+    for (; record != records.end() && record->id.drive == drive.id; ++record) {
+      skipped.push_back(record->id.index - next_index);
+      next_index = uint64_t{record->id.index} + 1;
+    }
+    per_drive.push_back(static_cast<uint64_t>(record - first));
+  }
+  AppendIntColumn(per_drive, level, out);
+  AppendIntColumn(skipped, level, out);
+}
+
+std::string EncodeCounts(const Counts& counts) {
+  std::string out;
+  AppendUint(static_cast<uint8_t>(static_cast<int8_t>(kPositionExponent)), out);
+  AppendUint(static_cast<uint32_t>(counts.drives), out);
+  AppendUint(static_cast<uint32_t>(counts.keyframes), out);
+  AppendUint(static_cast<uint32_t>(counts.gps_fixes), out);
+  AppendUint(static_cast<uint32_t>(counts.landmarks), out);
+  AppendUint(counts.runs, out);
+  AppendUint(counts.observations, out);
+  return out;
+}
+
+std::string EncodeDrives(const std::vector<LeanDrive>& drives) {
+  std::string out;
+  for (const LeanDrive& drive : drives) {
+    const PinholeCamera& camera = drive.rig.camera;
+    AppendUint(drive.id.value, out);
+    for (const double value : {camera.fx, camera.fy, camera.cx, camera.cy, drive.rig.baseline_m}) {
+      AppendDouble(value, out);
+    }
+    AppendUint(static_cast<uint32_t>(camera.width), out);
+    AppendUint(static_cast<uint32_t>(camera.height), out);
+  }
+  return out;
+}
+
+std::vector<GridVector> TranslationsOf(const LeanMap& map) {
+  std::vector<GridVector> translations;
+  for (const LeanKeyframe& keyframe : map.keyframes) {
+    translations.push_back(ToGrid(keyframe.map_from_camera.translation, kTranslationExponent));
+  }
+  return translations;
+}
+
+std::string EncodeKeyframes(const LeanMap& map, int level) {
+  std::vector<uint64_t> times;
+  std::vector<GridVector> rotations, fixes;
+  std::string has_gps;
+  uint64_t previous_ns = 0;
+  for (const LeanKeyframe& keyframe : map.keyframes) {
+    const uint64_t ns = static_cast<uint64_t>(keyframe.timestamp.ns);
+    times.push_back(ZigZag(static_cast<int64_t>(ns - previous_ns)));
+    previous_ns = ns;
+    rotations.push_back(RotationToGrid(keyframe.map_from_camera.rotation));
+    has_gps.push_back(keyframe.gps ? 1 : 0);
+    if (keyframe.gps) fixes.push_back(GpsToGrid(*keyframe.gps));
+  }
+  std::string out;
+  AppendIds(map.drives, map.keyframes, level, out);
+  AppendIntColumn(times, level, out);
+  AppendVectors(Differences(rotations), level, out);
+  AppendVectors(Differences(TranslationsOf(map)), level, out);
+  AppendByteColumn(has_gps, level, out);
+  AppendVectors(Differences(fixes), level, out);
+  return out;
+}
+
+void AppendKeyframeLists(const std::vector<LeanLandmark>& landmarks, int level, std::string& out) {
+  std::vector<uint64_t> extra_runs, firsts, extra_lengths, extra_gaps;
+  int64_t previous_first = 0;
+  for (const LeanLandmark& landmark : landmarks) {
+    const int64_t first = landmark.keyframe_idxs.front();
+    firsts.push_back(ZigZag(first - previous_first));
+    previous_first = first;
+    uint64_t runs = 0;
+    uint32_t run_end = 0;
+    ForEachRun(landmark.keyframe_idxs, [&](uint32_t run_first, uint32_t length) {
+      if (runs > 0) extra_gaps.push_back(run_first - run_end - 1);
+      extra_lengths.push_back(length - 1);
+      run_end = run_first + length;
+      ++runs;
+    });
+    extra_runs.push_back(runs - 1);
+  }
+  for (const auto* column : {&firsts, &extra_runs, &extra_lengths, &extra_gaps}) {
+    AppendIntColumn(*column, level, out);
+  }
+}
+
+std::string EncodeLandmarks(const LeanMap& map, int level) {
+  const std::vector<GridVector> translations = TranslationsOf(map);
+  std::string first_levels;
+  std::vector<GridVector> offsets;
+  for (const LeanLandmark& landmark : map.landmarks) {
+    first_levels.push_back(static_cast<char>(landmark.first_level));
+    offsets.push_back(ToGrid(landmark.position_in_map, kPositionExponent) -
+                      ReferenceOf(landmark.keyframe_idxs, translations, kPositionExponent));
+  }
+  std::string out;
+  AppendIds(map.drives, map.landmarks, level, out);
+  AppendByteColumn(first_levels, level, out);
+  AppendKeyframeLists(map.landmarks, level, out);
+  AppendVectors(offsets, level, out);
+  return out;
+}
+
+/// A column for each of the 32 bytes: neighbouring tests of a descriptor agree a little more often than
+/// not, which whole descriptors hide.
+std::string EncodeDescriptors(const std::vector<LeanLandmark>& landmarks, int level) {
+  std::string out, column(landmarks.size(), '\0');
+  for (size_t byte = 0; byte < kDescriptorBytes; ++byte) {
+    for (size_t i = 0; i < landmarks.size(); ++i) {
+      column[i] = static_cast<char>(landmarks[i].descriptor.words[byte / 8] >> (8 * (byte % 8)));
+    }
+    AppendByteColumn(column, level, out);
+  }
+  return out;
+}
+
+std::string EncodeAtLevel(const LeanMap& map, const Counts& counts, int level) {
+  return WriteContainer({{kCounts, true, EncodeCounts(counts)},
+                         {kDrives, true, EncodeDrives(map.drives)},
+                         {kKeyframes, true, EncodeKeyframes(map, level)},
+                         {kLandmarks, true, EncodeLandmarks(map, level)},
+                         {kDescriptors, true, EncodeDescriptors(map.landmarks, level)}});
+}
+
+absl::Status CheckRange(const LeanMap& map) {
+  const auto is_near = [](const Eigen::Vector3d& p) {
+    return p.cwiseAbs().maxCoeff() <= kMaxCoordinateM;
+  };
+  for (size_t i = 0; i < map.keyframes.size(); ++i) {
+    if (!is_near(map.keyframes[i].map_from_camera.translation)) {
+      return absl::InvalidArgumentError(fmt::format(
+          "keyframe {} of the map lies more than {} m from its origin", i, kMaxCoordinateM));
+    }
+  }
+  for (size_t i = 0; i < map.landmarks.size(); ++i) {
+    if (!is_near(map.landmarks[i].position_in_map)) {
+      return absl::InvalidArgumentError(fmt::format(
+          "landmark {} of the map lies more than {} m from its origin", i, kMaxCoordinateM));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Reading. Errors say what is wrong; DecodeLeanMap adds file and section.
+
+absl::Status Malformed(const char* what) { return absl::DataLossError(what); }
+
+int64_t WrappingAdd(int64_t a, int64_t b) {
+  return static_cast<int64_t>(static_cast<uint64_t>(a) + static_cast<uint64_t>(b));
+}
+
+GridVector WrappingAdd(const GridVector& a, const GridVector& b) {
+  return {WrappingAdd(a.x(), b.x()), WrappingAdd(a.y(), b.y()), WrappingAdd(a.z(), b.z())};
+}
+
+absl::StatusOr<std::vector<GridVector>> ReadVectors(ByteReader& reader, size_t count) {
+  std::vector<GridVector> values(count);
+  for (int axis = 0; axis < 3; ++axis) {
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<uint64_t> column, ReadIntColumn(reader, count));
+    for (size_t i = 0; i < count; ++i) values[i][axis] = UnZigZag(column[i]);
+  }
+  return values;
+}
+
+absl::StatusOr<std::vector<GridVector>> ReadDifferences(ByteReader& reader, size_t count) {
+  CARMAP_ASSIGN_OR_RETURN(std::vector<GridVector> values, ReadVectors(reader, count));
+  for (size_t i = 1; i < count; ++i) values[i] = WrappingAdd(values[i - 1], values[i]);
+  return values;
+}
+
+template <typename Id>
+absl::StatusOr<std::vector<Id>> ReadIds(ByteReader& reader, const std::vector<LeanDrive>& drives,
+                                        size_t count) {
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<uint64_t> per_drive,
+                          ReadIntColumn(reader, drives.size()));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<uint64_t> skipped, ReadIntColumn(reader, count));
+  std::vector<Id> ids;
+  ids.reserve(count);
+  for (size_t drive = 0; drive < drives.size(); ++drive) {
+    if (per_drive[drive] > count - ids.size()) return Malformed("drives have too many records");
+    uint64_t next_index = 0;
+    for (uint64_t i = 0; i < per_drive[drive]; ++i) {
+      if (skipped[ids.size()] > UINT32_MAX - std::min<uint64_t>(next_index, UINT32_MAX) ||
+          next_index > UINT32_MAX) {
+        return Malformed("an index exceeds 32 bits");
+      }
+      next_index += skipped[ids.size()];
+      ids.push_back({drives[drive].id, static_cast<uint32_t>(next_index)});
+      ++next_index;
+    }
+  }
+  if (ids.size() != count) return Malformed("drives have too few records");
+  return ids;
+}
+
+struct Header {
+  Counts counts;
+  int position_exponent = 0;
+};
+
+absl::StatusOr<Header> DecodeCounts(std::string_view bytes) {
+  ByteReader reader(bytes);
+  Header header;
+  header.position_exponent = static_cast<int8_t>(reader.Uint<uint8_t>());
+  Counts& counts = header.counts;
+  counts.drives = reader.Uint<uint32_t>();
+  counts.keyframes = reader.Uint<uint32_t>();
+  counts.gps_fixes = reader.Uint<uint32_t>();
+  counts.landmarks = reader.Uint<uint32_t>();
+  counts.runs = reader.Uint<uint64_t>();
+  counts.observations = reader.Uint<uint64_t>();
+  if (!reader.ok() || reader.remaining() != 0) return Malformed("wrong length");
+  if (header.position_exponent < kMinPositionExponent ||
+      header.position_exponent > kMaxPositionExponent) {
+    return Malformed("impossible grid of positions");
+  }
+  if (counts.gps_fixes > counts.keyframes || counts.runs < counts.landmarks ||
+      counts.observations < counts.runs) {
+    return Malformed("counts contradict each other");
+  }
+  return header;
+}
+
+absl::StatusOr<std::vector<LeanDrive>> DecodeDrives(std::string_view bytes, size_t count) {
+  if (bytes.size() != kDriveBytes * count) return Malformed("wrong length");
+  ByteReader reader(bytes);
+  std::vector<LeanDrive> drives(count);
+  for (LeanDrive& drive : drives) {
+    PinholeCamera& camera = drive.rig.camera;
+    drive.id.value = reader.Uint<uint64_t>();
+    for (double* value : {&camera.fx, &camera.fy, &camera.cx, &camera.cy, &drive.rig.baseline_m}) {
+      *value = reader.Double();
+    }
+    camera.width = static_cast<int>(reader.Uint<uint32_t>());
+    camera.height = static_cast<int>(reader.Uint<uint32_t>());
+  }
+  return drives;
+}
+
+absl::Status ReadTimes(ByteReader& reader, std::vector<LeanKeyframe>& keyframes) {
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<uint64_t> times,
+                          ReadIntColumn(reader, keyframes.size()));
+  int64_t ns = 0;
+  for (size_t i = 0; i < keyframes.size(); ++i) {
+    ns = WrappingAdd(ns, UnZigZag(times[i]));
+    keyframes[i].timestamp = {ns};
+  }
+  return absl::OkStatus();
+}
+
+/// Returns the translations as they lie on the grid.
+absl::StatusOr<std::vector<GridVector>> ReadPoses(ByteReader& reader,
+                                                  std::vector<LeanKeyframe>& keyframes) {
+  const size_t count = keyframes.size();
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<GridVector> rotations, ReadDifferences(reader, count));
+  CARMAP_ASSIGN_OR_RETURN(std::vector<GridVector> translations, ReadDifferences(reader, count));
+  for (size_t i = 0; i < count; ++i) {
+    if (!IsRotation(rotations[i])) return Malformed("a pose is not a rotation");
+    if (!IsInRange(translations[i], kTranslationExponent)) {
+      return Malformed("a keyframe lies too far away");
+    }
+    keyframes[i].map_from_camera = {RotationFromGrid(rotations[i]),
+                                    FromGrid(translations[i], kTranslationExponent)};
+  }
+  return translations;
+}
+
+absl::Status ReadGps(ByteReader& reader, size_t fix_count, std::vector<LeanKeyframe>& keyframes) {
+  CARMAP_ASSIGN_OR_RETURN(const std::string has_gps, ReadByteColumn(reader, keyframes.size()));
+  const auto ones = static_cast<size_t>(std::count(has_gps.begin(), has_gps.end(), 1));
+  const auto zeros = static_cast<size_t>(std::count(has_gps.begin(), has_gps.end(), 0));
+  if (ones != fix_count || ones + zeros != has_gps.size()) {
+    return Malformed("it is unclear which keyframes have a GPS fix");
+  }
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<GridVector> fixes, ReadDifferences(reader, fix_count));
+  auto fix = fixes.begin();
+  for (size_t i = 0; i < keyframes.size(); ++i) {
+    if (has_gps[i] != 0) keyframes[i].gps = GpsFromGrid(*fix++);
+  }
+  return absl::OkStatus();
+}
+
+/// Fills map.keyframes; returns their translations as they lie on the grid.
+absl::StatusOr<std::vector<GridVector>> DecodeKeyframes(std::string_view bytes,
+                                                        const Counts& counts, LeanMap& map) {
+  ByteReader reader(bytes);
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<KeyframeId> ids,
+                          ReadIds<KeyframeId>(reader, map.drives, counts.keyframes));
+  map.keyframes.resize(counts.keyframes);
+  for (size_t i = 0; i < ids.size(); ++i) map.keyframes[i].id = ids[i];
+  CARMAP_RETURN_IF_ERROR(ReadTimes(reader, map.keyframes));
+  CARMAP_ASSIGN_OR_RETURN(std::vector<GridVector> translations, ReadPoses(reader, map.keyframes));
+  CARMAP_RETURN_IF_ERROR(ReadGps(reader, counts.gps_fixes, map.keyframes));
+  if (reader.remaining() != 0) return Malformed("bytes follow its columns");
+  return translations;
+}
+
+absl::Status ReadKeyframeLists(ByteReader& reader, const Counts& counts,
+                               std::vector<LeanLandmark>& landmarks) {
+  CARMAP_ASSIGN_OR_RETURN(const auto firsts, ReadIntColumn(reader, counts.landmarks));
+  CARMAP_ASSIGN_OR_RETURN(const auto extra_runs, ReadIntColumn(reader, counts.landmarks));
+  CARMAP_ASSIGN_OR_RETURN(const auto extra_lengths, ReadIntColumn(reader, counts.runs));
+  CARMAP_ASSIGN_OR_RETURN(const auto extra_gaps,
+                          ReadIntColumn(reader, counts.runs - counts.landmarks));
+  uint64_t first = 0, run = 0, observations = 0;
+  for (size_t i = 0; i < landmarks.size(); ++i) {
+    std::vector<uint32_t>& list = landmarks[i].keyframe_idxs;
+    first += static_cast<uint64_t>(UnZigZag(firsts[i]));
+    if (extra_runs[i] >= counts.runs - run) return Malformed("keyframe lists have too many runs");
+    uint64_t begin = first;
+    for (uint64_t j = 0; j <= extra_runs[i]; ++j, ++run) {
+      if (j > 0) {
+        const uint64_t gap = extra_gaps[run - i - 1];
+        if (gap >= counts.keyframes) return Malformed("a keyframe list exceeds the keyframes");
+        begin += gap + 1;
+      }
+      const uint64_t extra = extra_lengths[run];
+      if (begin >= counts.keyframes || extra >= counts.keyframes - begin) {
+        return Malformed("a keyframe list exceeds the keyframes");
+      }
+      if (extra >= counts.observations - observations) {
+        return Malformed("keyframe lists are longer than counted");
+      }
+      const size_t old_size = list.size();
+      list.resize(old_size + extra + 1);
+      std::iota(list.begin() + static_cast<ptrdiff_t>(old_size), list.end(),
+                static_cast<uint32_t>(begin));
+      observations += extra + 1;
+      begin += extra + 1;
+    }
+  }
+  if (run != counts.runs || observations != counts.observations) {
+    return Malformed("keyframe lists are shorter than counted");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status DecodeLandmarks(std::string_view bytes, const Header& header,
+                             const std::vector<GridVector>& translations, LeanMap& map) {
+  ByteReader reader(bytes);
+  const size_t count = header.counts.landmarks;
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<LandmarkId> ids,
+                          ReadIds<LandmarkId>(reader, map.drives, count));
+  CARMAP_ASSIGN_OR_RETURN(const std::string first_levels, ReadByteColumn(reader, count));
+  map.landmarks.resize(count);
+  CARMAP_RETURN_IF_ERROR(ReadKeyframeLists(reader, header.counts, map.landmarks));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<GridVector> offsets, ReadVectors(reader, count));
+  if (reader.remaining() != 0) return Malformed("bytes follow its columns");
+  for (size_t i = 0; i < count; ++i) {
+    LeanLandmark& landmark = map.landmarks[i];
+    landmark.id = ids[i];
+    landmark.first_level = static_cast<uint8_t>(first_levels[i]);
+    const GridVector position = WrappingAdd(
+        ReferenceOf(landmark.keyframe_idxs, translations, header.position_exponent), offsets[i]);
+    if (!IsInRange(position, header.position_exponent)) {
+      return Malformed("a landmark lies too far away");
+    }
+    landmark.position_in_map = FromGrid(position, header.position_exponent);
+  }
+  return absl::OkStatus();
+}
+
+absl::Status DecodeDescriptors(std::string_view bytes, std::vector<LeanLandmark>& landmarks) {
+  ByteReader reader(bytes);
+  for (size_t byte = 0; byte < kDescriptorBytes; ++byte) {
+    CARMAP_ASSIGN_OR_RETURN(const std::string column, ReadByteColumn(reader, landmarks.size()));
+    for (size_t i = 0; i < landmarks.size(); ++i) {
+      landmarks[i].descriptor.words[byte / 8] |= uint64_t{static_cast<uint8_t>(column[i])}
+                                                 << (8 * (byte % 8));
+    }
+  }
+  if (reader.remaining() != 0) return Malformed("bytes follow its columns");
+  return absl::OkStatus();
+}
+
+/// The contents of the five sections, by SectionId.
+using Contents = std::vector<std::string_view>;
+
+absl::StatusOr<Contents> KnownContents(const std::vector<SectionView>& sections,
+                                       const std::string& name) {
+  std::vector<std::optional<std::string_view>> found(kDescriptors + 1);
+  found[0].emplace();
+  for (const SectionView& section : sections) {
+    if (section.id >= kCounts && section.id <= kDescriptors) {
+      found[section.id] = section.content;
+    } else if (section.is_mandatory) {
+      return absl::UnimplementedError(
+          fmt::format("{}: needs section {}, which this version does not know; upgrade carmap",
+                      name, section.id));
+    }
+  }
+  Contents contents;
+  for (size_t id = 0; id < found.size(); ++id) {
+    if (!found[id]) {
+      return absl::DataLossError(fmt::format("{}: has no section '{}'; copy or download the file "
+                                             "again, or make it anew with `carmap map`",
+                                             name, kSectionNames[id]));
+    }
+    contents.push_back(*found[id]);
+  }
+  return contents;
+}
+
+absl::Status InSection(const absl::Status& status, SectionId id, const std::string& name) {
+  return absl::DataLossError(
+      fmt::format("{}: section '{}' is malformed ({}); make the file anew with `carmap map`", name,
+                  kSectionNames[id], std::string(status.message())));
+}
+
+absl::Status CheckAffordable(const Counts& counts, uint64_t file_size, const std::string& name) {
+  if (IsWithinLimits(counts) && DecodedSize(counts) <= DecodedSizeLimit(file_size)) {
+    return absl::OkStatus();
+  }
+  return absl::ResourceExhaustedError(fmt::format(
+      "{}: claims {} drives, {} keyframes, {} landmarks and {} observations, more than {} bytes can "
+      "hold; make the file anew with `carmap map`",
+      name, counts.drives, counts.keyframes, counts.landmarks, counts.observations, file_size));
+}
+
+}  // namespace
+
+absl::Status LeanEncodeOptions::Validate() const {
+  if (zstd_level >= 1 && zstd_level <= 19) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("zstd_level is {}; choose one from 1 to 19", zstd_level));
+}
+
+absl::StatusOr<std::string> EncodeLeanMap(const LeanMap& map, const LeanEncodeOptions& options) {
+  CARMAP_RETURN_IF_ERROR(options.Validate());
+  CARMAP_RETURN_IF_ERROR(CheckConsistency(map));
+  CARMAP_RETURN_IF_ERROR(CheckRange(map));
+  const Counts counts = CountsOf(map);
+  if (IsWithinLimits(counts)) {
+    std::string bytes = EncodeAtLevel(map, counts, options.zstd_level);
+    if (DecodedSize(counts) <= DecodedSizeLimit(bytes.size())) return bytes;
+    // Unusually uniform: a reader would take the small file for an attack on its memory.
+    bytes = EncodeAtLevel(map, counts, 0);
+    if (DecodedSize(counts) <= DecodedSizeLimit(bytes.size())) return bytes;
+  }
+  return absl::InvalidArgumentError(fmt::format(
+      "the map is larger than a file may hold ({} drives, {} keyframes, {} landmarks, {} "
+      "observations); split it",
+      counts.drives, counts.keyframes, counts.landmarks, counts.observations));
+}
+
+absl::StatusOr<LeanMap> DecodeLeanMap(std::string_view bytes, const std::string& name) {
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<SectionView> sections, ReadContainer(bytes, name));
+  CARMAP_ASSIGN_OR_RETURN(const Contents contents, KnownContents(sections, name));
+
+  const auto header = DecodeCounts(contents[kCounts]);
+  if (!header.ok()) return InSection(header.status(), kCounts, name);
+  CARMAP_RETURN_IF_ERROR(CheckAffordable(header->counts, bytes.size(), name));
+
+  LeanMap map;
+  auto drives = DecodeDrives(contents[kDrives], header->counts.drives);
+  if (!drives.ok()) return InSection(drives.status(), kDrives, name);
+  map.drives = *std::move(drives);
+
+  const auto translations = DecodeKeyframes(contents[kKeyframes], header->counts, map);
+  if (!translations.ok()) return InSection(translations.status(), kKeyframes, name);
+
+  if (const absl::Status status =
+          DecodeLandmarks(contents[kLandmarks], *header, *translations, map);
+      !status.ok()) {
+    return InSection(status, kLandmarks, name);
+  }
+  if (const absl::Status status = DecodeDescriptors(contents[kDescriptors], map.landmarks);
+      !status.ok()) {
+    return InSection(status, kDescriptors, name);
+  }
+  if (const absl::Status status = CheckConsistency(map); !status.ok()) {
+    return absl::DataLossError(fmt::format("{}: {}; make the file anew with `carmap map`", name,
+                                           std::string(status.message())));
+  }
+  return map;
+}
+
+LeanMap Quantize(const LeanMap& map) {
+  LeanMap quantized = map;
+  for (LeanKeyframe& keyframe : quantized.keyframes) {
+    Rigid3& pose = keyframe.map_from_camera;
+    pose.rotation = RotationFromGrid(RotationToGrid(pose.rotation));
+    pose.translation = FromGrid(ToGrid(pose.translation, kTranslationExponent),
+                                kTranslationExponent);
+    if (keyframe.gps) keyframe.gps = GpsFromGrid(GpsToGrid(*keyframe.gps));
+  }
+  for (LeanLandmark& landmark : quantized.landmarks) {
+    landmark.position_in_map =
+        FromGrid(ToGrid(landmark.position_in_map, kPositionExponent), kPositionExponent);
+  }
+  return quantized;
+}
+
+absl::StatusOr<LeanMap> ReadLeanMap(const std::filesystem::path& path) {
+  CARMAP_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, kMaxLeanFileBytes));
+  return DecodeLeanMap(bytes, path.string());
+}
+
+absl::Status WriteLeanMap(const std::filesystem::path& path, const LeanMap& map,
+                          const LeanEncodeOptions& options) {
+  CARMAP_ASSIGN_OR_RETURN(const std::string bytes, EncodeLeanMap(map, options));
+  return WriteFileAtomically(path, bytes);
+}
+
+}  // namespace carmap

@@ -1,0 +1,56 @@
+// Matching of a frame's features with landmarks of a map (paper §3.2).
+//
+// Robust matching goes by position first, appearance second: what lies where a landmark must appear is
+// compared with its signature. Appearance-only matching is for a frame whose pose is unknown.
+// All functions are pure and thread-safe.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "carmap/feature/feature_grid.h"
+#include "carmap/geometry/camera.h"
+#include "carmap/geometry/rigid3.h"
+#include "carmap/map/map_snapshot.h"
+#include "carmap/solve/pose_refinement.h"
+
+namespace carmap {
+
+struct LandmarkMatch {
+  uint32_t landmark_idx = 0;  ///< into MapSnapshot::landmarks
+  uint32_t feature_idx = 0;
+};
+
+struct ProjectionMatchOptions {
+  double radius_px = 4;          ///< half side of the search window at level 0; grows with the level's scale
+  int max_distance_bits = 75;    ///< of the signatures
+  double max_ratio = 0.85;       ///< to the second best in the window
+  double max_level_difference = 1.6;
+  double max_viewing_angle_rad = 1.2;  ///< between the landmark's mean viewing direction and this one
+};
+
+/// Landmarks (those of `landmark_idxs`) matched with features near their projections, at the pyramid
+/// level that their distance predicts, with a disparity that agrees. A feature goes to the landmark
+/// that resembles it most.
+std::vector<LandmarkMatch> MatchByProjection(const MapSnapshot& map,
+                                             const std::vector<uint32_t>& landmark_idxs,
+                                             const FeatureGrid& grid, const StereoRig& rig,
+                                             const Rigid3& camera_from_map,
+                                             const ProjectionMatchOptions& options);
+
+struct AppearanceMatchOptions {
+  int max_distance_bits = 64;
+  double max_ratio = 0.8;  ///< to the second best feature
+};
+
+/// Landmarks matched with features anywhere in the image, mutually nearest in appearance.
+std::vector<LandmarkMatch> MatchByAppearance(const MapSnapshot& map,
+                                             const std::vector<uint32_t>& landmark_idxs,
+                                             const std::vector<Feature>& features,
+                                             const AppearanceMatchOptions& options = {});
+
+/// What RefinePose and SolvePnpRansac take, in the order of the matches.
+std::vector<PoseMeasurement> MeasurementsOf(const MapSnapshot& map, const std::vector<Feature>& features,
+                                            const std::vector<LandmarkMatch>& matches);
+
+}  // namespace carmap

@@ -1,0 +1,117 @@
+#include "carmap/map/lean_map.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "carmap/base/status_macros.h"
+
+namespace carmap {
+namespace {
+
+absl::Status Broken(const char* kind, size_t idx, const std::string& what) {
+  return absl::InvalidArgumentError(fmt::format("{} {} of the map {}", kind, idx, what));
+}
+
+bool IsUsable(const StereoRig& rig) {
+  const PinholeCamera& camera = rig.camera;
+  const bool is_finite = std::isfinite(camera.fx) && std::isfinite(camera.fy) &&
+                         std::isfinite(camera.cx) && std::isfinite(camera.cy) &&
+                         std::isfinite(rig.baseline_m);
+  return is_finite && camera.fx > 0 && camera.fy > 0 && camera.width > 0 && camera.height > 0 &&
+         rig.baseline_m > 0;
+}
+
+bool IsRigid(const Rigid3& transform) {
+  constexpr double kUnitTolerance = 1e-6;
+  return transform.translation.allFinite() &&
+         std::abs(transform.rotation.norm() - 1) <= kUnitTolerance;
+}
+
+bool HasDrive(const LeanMap& map, DriveId id) {
+  const auto drive = std::lower_bound(map.drives.begin(), map.drives.end(), id,
+                                      [](const LeanDrive& a, DriveId b) { return a.id < b; });
+  return drive != map.drives.end() && drive->id == id;
+}
+
+/// The records' ids must rise; `kind` names one.
+template <typename Record>
+absl::Status CheckAscending(const std::vector<Record>& records, const char* kind) {
+  for (size_t i = 1; i < records.size(); ++i) {
+    if (records[i - 1].id >= records[i].id) {
+      return Broken(kind, i, "does not follow the one before it in the order of ids");
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckKeyframe(const LeanMap& map, size_t idx) {
+  const LeanKeyframe& keyframe = map.keyframes[idx];
+  if (!HasDrive(map, keyframe.id.drive)) {
+    return Broken("keyframe", idx, "belongs to a drive that the map does not list");
+  }
+  if (!IsRigid(keyframe.map_from_camera)) {
+    return Broken("keyframe", idx, "has a pose that is not finite or not a rotation");
+  }
+  if (keyframe.gps && !IsValid(*keyframe.gps)) {
+    return Broken("keyframe", idx, "has a GPS fix that is not on the globe");
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckLandmark(const LeanMap& map, size_t idx) {
+  const LeanLandmark& landmark = map.landmarks[idx];
+  if (!HasDrive(map, landmark.id.drive)) {
+    return Broken("landmark", idx, "belongs to a drive that the map does not list");
+  }
+  if (!landmark.position_in_map.allFinite()) {
+    return Broken("landmark", idx, "has a position that is not finite");
+  }
+  if (landmark.first_level >= kLevelCount) {
+    return Broken("landmark", idx, fmt::format("has pyramid level {}", landmark.first_level));
+  }
+  const std::vector<uint32_t>& seen_by = landmark.keyframe_idxs;
+  if (seen_by.empty()) return Broken("landmark", idx, "is seen by no keyframe");
+  const auto is_not_below = [](uint32_t a, uint32_t b) { return a >= b; };
+  if (std::adjacent_find(seen_by.begin(), seen_by.end(), is_not_below) != seen_by.end()) {
+    return Broken("landmark", idx, "has a keyframe list that does not ascend");
+  }
+  if (seen_by.back() >= map.keyframes.size()) {
+    return Broken("landmark", idx, "is seen by a keyframe that the map does not list");
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status CheckConsistency(const LeanMap& map) {
+  CARMAP_RETURN_IF_ERROR(CheckAscending(map.drives, "drive"));
+  CARMAP_RETURN_IF_ERROR(CheckAscending(map.keyframes, "keyframe"));
+  CARMAP_RETURN_IF_ERROR(CheckAscending(map.landmarks, "landmark"));
+  for (size_t i = 0; i < map.drives.size(); ++i) {
+    if (!IsUsable(map.drives[i].rig)) {
+      return Broken("drive", i, "has a stereo rig that no camera can have");
+    }
+  }
+  for (size_t i = 0; i < map.keyframes.size(); ++i) {
+    CARMAP_RETURN_IF_ERROR(CheckKeyframe(map, i));
+  }
+  for (size_t i = 0; i < map.landmarks.size(); ++i) {
+    CARMAP_RETURN_IF_ERROR(CheckLandmark(map, i));
+  }
+  return absl::OkStatus();
+}
+
+double PathLengthM(const LeanMap& map) {
+  double length_m = 0;
+  for (size_t i = 1; i < map.keyframes.size(); ++i) {
+    const LeanKeyframe &from = map.keyframes[i - 1], &to = map.keyframes[i];
+    if (from.id.drive != to.id.drive) continue;
+    length_m += (to.map_from_camera.translation - from.map_from_camera.translation).norm();
+  }
+  return length_m;
+}
+
+}  // namespace carmap

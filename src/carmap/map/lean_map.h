@@ -1,0 +1,60 @@
+// The lean map (paper §3.1): landmarks alone, and of each keyframe what cannot be derived.
+//
+// This is what a vehicle sends, the service keeps and a file holds. It has no keyframe features and
+// no index; carmap/index rebuilds both (§3.5). A plain value.
+#pragma once
+
+#include <absl/status/status.h>
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "carmap/base/ids.h"
+#include "carmap/base/time.h"
+#include "carmap/feature/feature.h"
+#include "carmap/geometry/camera.h"
+#include "carmap/geometry/geodesy.h"
+#include "carmap/geometry/rigid3.h"
+
+namespace carmap {
+
+/// A drive that contributed, and the rig that it saw with.
+struct LeanDrive {
+  DriveId id;
+  StereoRig rig;
+};
+
+struct LeanKeyframe {
+  KeyframeId id;
+  Timestamp timestamp;
+  Rigid3 map_from_camera;
+  std::optional<GpsFix> gps;
+};
+
+struct LeanLandmark {
+  LandmarkId id;
+  Eigen::Vector3d position_in_map = Eigen::Vector3d::Zero();
+  Descriptor descriptor;
+  /// Pyramid level of the landmark's feature in its first keyframe. With the distance from there it
+  /// gives the scale at which any other camera will see it.
+  uint8_t first_level = 0;
+  /// Ascending indices into LeanMap::keyframes; at least one.
+  std::vector<uint32_t> keyframe_idxs;
+};
+
+struct LeanMap {
+  std::vector<LeanDrive> drives;          ///< ascending by id
+  std::vector<LeanKeyframe> keyframes;    ///< ascending by id
+  std::vector<LeanLandmark> landmarks;    ///< ascending by id
+};
+
+/// Checks every invariant written above, that numbers are finite and that ids refer to drives
+/// that are there. Errors: InvalidArgument, naming the first record that breaks one.
+absl::Status CheckConsistency(const LeanMap& map);
+
+/// Distance driven along the keyframes, metres, summed over drives.
+double PathLengthM(const LeanMap& map);
+
+}  // namespace carmap

@@ -1,0 +1,156 @@
+#include "carmap/map/map_edit.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace carmap {
+
+/// The steps of Apply. Each says whether the record still fits the map.
+class EditApplication {
+ public:
+  explicit EditApplication(Map& map) : map_(map) {}
+
+  bool AddKeyframe(const Keyframe& keyframe) {
+    if (!keyframe.features || map_.Find(keyframe.id)) return false;
+    map_.landmarks_of_[keyframe.id].resize(keyframe.features->size());
+    map_.keyframes_.emplace(keyframe.id, keyframe);
+    return true;
+  }
+
+  bool AddLandmark(const Landmark& landmark) {
+    if (map_.Find(landmark.id)) return false;
+    Landmark bare = landmark;
+    bare.observations.clear();
+    map_.landmarks_.emplace(landmark.id, std::move(bare));
+    bool all_fit = !landmark.observations.empty();
+    for (const Observation& observation : landmark.observations) {
+      all_fit &= AddObservation({landmark.id, observation});
+    }
+    RemoveIfUnseen(landmark.id);
+    return all_fit;
+  }
+
+  bool AddObservation(const MapEdit::LandmarkObservation& added) {
+    const auto landmark = map_.landmarks_.find(added.landmark_id);
+    const auto links = map_.landmarks_of_.find(added.observation.keyframe_id);
+    if (landmark == map_.landmarks_.end() || links == map_.landmarks_of_.end()) return false;
+    const int32_t feature_idx = added.observation.feature_idx;
+    if (feature_idx < 0 || static_cast<size_t>(feature_idx) >= links->second.size()) return false;
+    auto& observations = landmark->second.observations;
+    const auto place = FirstNotBefore(observations, added.observation.keyframe_id);
+    if (links->second[feature_idx] || Holds(observations, place, added.observation.keyframe_id)) {
+      return false;
+    }
+    links->second[feature_idx] = added.landmark_id;
+    observations.insert(place, added.observation);
+    return true;
+  }
+
+  bool RemoveObservation(const MapEdit::LandmarkObservation& removed) {
+    const auto landmark = map_.landmarks_.find(removed.landmark_id);
+    if (landmark == map_.landmarks_.end()) return false;
+    auto& observations = landmark->second.observations;
+    const auto place = FirstNotBefore(observations, removed.observation.keyframe_id);
+    if (!Holds(observations, place, removed.observation.keyframe_id)) return false;
+    map_.landmarks_of_.at(place->keyframe_id)[place->feature_idx].reset();
+    observations.erase(place);
+    RemoveIfUnseen(removed.landmark_id);
+    return true;
+  }
+
+  bool MergeLandmarks(const MapEdit::Merge& merge) {
+    const Landmark* from = map_.Find(merge.from);
+    if (!from || !map_.Find(merge.into) || merge.from == merge.into) return false;
+    const std::vector<Observation> observations = from->observations;
+    RemoveLandmark(merge.from);
+    for (const Observation& observation : observations) AddObservation({merge.into, observation});
+    return true;
+  }
+
+  bool MoveKeyframe(const MapEdit::KeyframePose& pose) {
+    const auto found = map_.keyframes_.find(pose.id);
+    if (found == map_.keyframes_.end()) return false;
+    found->second.map_from_camera = pose.map_from_camera;
+    return true;
+  }
+
+  bool MoveLandmark(const MapEdit::LandmarkPosition& moved) {
+    const auto found = map_.landmarks_.find(moved.id);
+    if (found == map_.landmarks_.end()) return false;
+    found->second.position_in_map = moved.position_in_map;
+    return true;
+  }
+
+  bool ChangeDescriptor(const MapEdit::LandmarkDescriptor& changed) {
+    const auto found = map_.landmarks_.find(changed.id);
+    if (found == map_.landmarks_.end()) return false;
+    found->second.descriptor = changed.descriptor;
+    return true;
+  }
+
+  bool RemoveLandmark(const LandmarkId& id) {
+    const auto found = map_.landmarks_.find(id);
+    if (found == map_.landmarks_.end()) return false;
+    for (const Observation& observation : found->second.observations) {
+      map_.landmarks_of_.at(observation.keyframe_id)[observation.feature_idx].reset();
+    }
+    map_.landmarks_.erase(found);
+    return true;
+  }
+
+  void CountVersion() { ++map_.version_; }
+
+ private:
+  using Observations = std::vector<Observation>;
+
+  static Observations::iterator FirstNotBefore(Observations& observations, KeyframeId id) {
+    return std::lower_bound(observations.begin(), observations.end(), id,
+                            [](const Observation& o, KeyframeId value) { return o.keyframe_id < value; });
+  }
+  static bool Holds(const Observations& observations, Observations::iterator place, KeyframeId id) {
+    return place != observations.end() && place->keyframe_id == id;
+  }
+  void RemoveIfUnseen(LandmarkId id) {
+    const auto found = map_.landmarks_.find(id);
+    if (found != map_.landmarks_.end() && found->second.observations.empty()) map_.landmarks_.erase(found);
+  }
+
+  Map& map_;
+};
+
+namespace {
+
+template <typename Record>
+size_t CountLeftOut(EditApplication& application, bool (EditApplication::*step)(const Record&),
+                    const std::vector<Record>& records) {
+  size_t left_out = 0;
+  for (const Record& record : records) left_out += !(application.*step)(record);
+  return left_out;
+}
+
+}  // namespace
+
+absl::StatusOr<size_t> Apply(const MapEdit& edit, Map& map) {
+  if (edit.base_version > map.version()) {
+    return absl::InvalidArgumentError(fmt::format("edit of version {} of a map that is at version {}",
+                                                  edit.base_version, map.version()));
+  }
+  using Application = EditApplication;
+  Application application(map);
+  size_t left_out = 0;
+  left_out += CountLeftOut(application, &Application::AddKeyframe, edit.added_keyframes);
+  left_out += CountLeftOut(application, &Application::AddLandmark, edit.added_landmarks);
+  left_out += CountLeftOut(application, &Application::AddObservation, edit.added_observations);
+  left_out += CountLeftOut(application, &Application::RemoveObservation, edit.removed_observations);
+  left_out += CountLeftOut(application, &Application::MergeLandmarks, edit.merges);
+  left_out += CountLeftOut(application, &Application::MoveKeyframe, edit.moved_keyframes);
+  left_out += CountLeftOut(application, &Application::MoveLandmark, edit.moved_landmarks);
+  left_out += CountLeftOut(application, &Application::ChangeDescriptor, edit.changed_descriptors);
+  left_out += CountLeftOut(application, &Application::RemoveLandmark, edit.removed_landmarks);
+  application.CountVersion();
+  return left_out;
+}
+
+}  // namespace carmap

@@ -1,0 +1,62 @@
+// An immutable map, or part of one, as matching and localization read it.
+//
+// The tracker's local window, a whole working map, and a lean map after reconstruction (§3.5) all take
+// this one form. Freely shared between threads once built. Links are dense indices into the two vectors.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "carmap/base/ids.h"
+#include "carmap/base/time.h"
+#include "carmap/feature/feature.h"
+#include "carmap/geometry/geodesy.h"
+#include "carmap/geometry/rigid3.h"
+#include "carmap/map/map.h"
+
+namespace carmap {
+
+struct SnapshotKeyframe {
+  KeyframeId id;
+  Timestamp timestamp;
+  Rigid3 map_from_camera;
+  std::optional<GpsFix> gps;
+  std::vector<uint32_t> landmark_idxs;  ///< landmarks seen here, ascending
+};
+
+struct SnapshotLandmark {
+  LandmarkId id;
+  Eigen::Vector3d position_in_map = Eigen::Vector3d::Zero();
+  Descriptor descriptor;
+  /// Mean direction, unit length, from the landmark to the keyframes that saw it.
+  Eigen::Vector3f direction_to_viewers = Eigen::Vector3f::Zero();
+  /// Nearest and farthest distance, metres, from which a keyframe saw it.
+  float min_distance_m = 0, max_distance_m = 0;
+  /// Pyramid level at which it would be seen from one metre away (not rounded, mostly far above
+  /// kLevelCount): what PredictLevel derives the level at any distance from.
+  float level_at_1m = 0;
+};
+
+struct MapSnapshot {
+  uint64_t version = 0;
+  std::vector<SnapshotKeyframe> keyframes;   ///< ascending by id
+  std::vector<SnapshotLandmark> landmarks;   ///< ascending by id
+};
+
+/// Pyramid level, not rounded and possibly out of range, at which a camera of the same focal length
+/// sees the landmark from this distance. It falls as the distance grows: a corner of a given size
+/// is small from far away.
+float PredictLevel(const SnapshotLandmark& landmark, double distance_m);
+
+/// Fills the fields of `landmark` that follow from where it was seen: `viewers_in_map` are the centres of
+/// the keyframes (at least one), `first_level` the pyramid level of its feature in the first of them.
+void DeriveVisibility(const std::vector<Eigen::Vector3d>& viewers_in_map, int first_level,
+                      SnapshotLandmark& landmark);
+
+/// The part of a working map around some of its keyframes: these, and all landmarks that they see.
+/// `keyframe_ids` ascending, each in the map.
+MapSnapshot SnapshotOf(const Map& map, const std::vector<KeyframeId>& keyframe_ids);
+
+}  // namespace carmap

@@ -1,0 +1,269 @@
+#include "carmap/slam/local_mapper.h"
+
+#include <absl/container/btree_map.h>
+
+#include <algorithm>
+#include <iterator>
+#include <numeric>
+
+#include "carmap/base/stopwatch.h"
+#include "carmap/localize/landmark_matcher.h"
+
+namespace carmap {
+namespace {
+
+constexpr double kFuseRadiusPx = 3;
+
+std::vector<KeyframeId> Without(std::vector<KeyframeId> ids, KeyframeId id) {
+  std::erase(ids, id);
+  return ids;
+}
+
+/// Records that keyframe `keyframe_id` sees the matched landmarks: a free feature becomes an
+/// observation; one that belongs to another landmark shows that the two are the same.
+void LinkMatches(const Map& map, const MapSnapshot& snapshot, KeyframeId keyframe_id,
+                 const std::vector<LandmarkMatch>& matches, MapEdit& edit) {
+  const auto& links = map.LandmarksOf(keyframe_id);
+  for (const auto& [landmark_idx, feature_idx] : matches) {
+    const LandmarkId landmark_id = snapshot.landmarks[landmark_idx].id;
+    const auto& taken_by = links[feature_idx];
+    if (!taken_by) {
+      edit.added_observations.push_back({landmark_id, {keyframe_id, static_cast<int32_t>(feature_idx)}});
+    } else if (*taken_by != landmark_id) {
+      // The older landmark, seen more often, stays.
+      edit.merges.push_back({std::max(*taken_by, landmark_id), std::min(*taken_by, landmark_id)});
+    }
+  }
+}
+
+/// Of the landmarks of `snapshot`, those that pass.
+template <typename Predicate>
+std::vector<uint32_t> SelectLandmarks(const MapSnapshot& snapshot, Predicate&& passes) {
+  std::vector<uint32_t> idxs;
+  for (uint32_t i = 0; i < snapshot.landmarks.size(); ++i) {
+    if (passes(snapshot.landmarks[i].id)) idxs.push_back(i);
+  }
+  return idxs;
+}
+
+Descriptor MedoidDescriptor(const Map& map, const Landmark& landmark) {
+  std::vector<Descriptor> seen;
+  for (const Observation& observation : landmark.observations) {
+    seen.push_back((*map.Find(observation.keyframe_id)->features)[observation.feature_idx].descriptor);
+  }
+  const auto total_distance = [&](const Descriptor& descriptor) {
+    return std::accumulate(seen.begin(), seen.end(), 0, [&](int sum, const Descriptor& other) {
+      return sum + HammingDistance(descriptor, other);
+    });
+  };
+  return *std::min_element(seen.begin(), seen.end(), [&](const Descriptor& a, const Descriptor& b) {
+    return total_distance(a) < total_distance(b);
+  });
+}
+
+}  // namespace
+
+std::shared_ptr<const MapSnapshot> LocalMapper::Insert(const NewKeyframe& new_keyframe) {
+  const KeyframeId id = new_keyframe.keyframe.id;
+  const auto run = [this](const char* step, auto&& make_edit) {
+    const Stopwatch watch;
+    const MapEdit edit = make_edit();
+    Carry(step, edit, watch.ElapsedMs());
+  };
+  run("insert", [&] { return InsertKeyframe(new_keyframe); });
+  std::vector<KeyframeId> window = WindowAround(id);
+  run("find_known", [&] { return FindKnownLandmarks(id, window); });
+  run("create", [&] { return CreateLandmarks(id); });
+  run("find_in_neighbours", [&] { return FindInNeighbours(id, window); });
+  run("refresh_descriptors", [&] { return RefreshDescriptors(id); });
+  run("cull", [&] { return CullLandmarks(); });
+  window = WindowAround(id);
+  run("adjust", [&] { return AdjustWindow(window); });
+  return std::make_shared<const MapSnapshot>(SnapshotOf(map_, window));
+}
+
+void LocalMapper::Carry(const char* step, const MapEdit& edit, double elapsed_ms) {
+  const Stopwatch watch;
+  Apply(edit, map_).value();  // our own edits are of the present version
+  step_ms_[step] += elapsed_ms + watch.ElapsedMs();
+}
+
+/// The newest keyframe and those that share most landmarks with it, ascending.
+std::vector<KeyframeId> LocalMapper::WindowAround(KeyframeId id) const {
+  absl::btree_map<KeyframeId, int> shared;
+  for (const auto& link : map_.LandmarksOf(id)) {
+    if (!link) continue;
+    for (const Observation& observation : map_.Find(*link)->observations) ++shared[observation.keyframe_id];
+  }
+  shared.erase(id);
+  std::vector<std::pair<int, KeyframeId>> ranked;
+  for (const auto& [other, count] : shared) {
+    if (count >= options_.min_shared_landmarks) ranked.emplace_back(count, other);
+  }
+  std::sort(ranked.rbegin(), ranked.rend());
+  ranked.resize(std::min(ranked.size(), options_.window_keyframes - 1));
+  std::vector<KeyframeId> window = {id};
+  for (const auto& [count, other] : ranked) window.push_back(other);
+  std::sort(window.begin(), window.end());
+  return window;
+}
+
+MapEdit LocalMapper::InsertKeyframe(const NewKeyframe& new_keyframe) const {
+  MapEdit edit{.base_version = map_.version()};
+  edit.added_keyframes.push_back(new_keyframe.keyframe);
+  for (const auto& [landmark_id, feature_idx] : new_keyframe.landmark_of_feature) {
+    edit.added_observations.push_back(
+        {landmark_id, {new_keyframe.keyframe.id, static_cast<int32_t>(feature_idx)}});
+  }
+  return edit;
+}
+
+/// Landmarks of the neighbourhood that tracking missed in the new keyframe.
+MapEdit LocalMapper::FindKnownLandmarks(KeyframeId newest, const std::vector<KeyframeId>& window) const {
+  MapEdit edit{.base_version = map_.version()};
+  const Keyframe& keyframe = *map_.Find(newest);
+  const MapSnapshot snapshot = SnapshotOf(map_, Without(window, newest));
+  const auto unseen = SelectLandmarks(snapshot, [&](LandmarkId id) {
+    return map_.Find(id)->observations.back().keyframe_id != newest;
+  });
+  const FeatureGrid grid(*keyframe.features, rig_.camera.width, rig_.camera.height);
+  LinkMatches(map_, snapshot, newest,
+              MatchByProjection(snapshot, unseen, grid, rig_, keyframe.map_from_camera.Inverse(),
+                                {.radius_px = kFuseRadiusPx}),
+              edit);
+  return edit;
+}
+
+/// Features with depth that belong to no landmark become one.
+MapEdit LocalMapper::CreateLandmarks(KeyframeId newest) {
+  MapEdit edit{.base_version = map_.version()};
+  const Keyframe& keyframe = *map_.Find(newest);
+  const auto& links = map_.LandmarksOf(newest);
+  std::vector<LandmarkId> created;
+  for (size_t i = 0; i < links.size(); ++i) {
+    const Feature& feature = (*keyframe.features)[i];
+    if (links[i] || feature.disparity_px < options_.min_new_disparity_px) continue;
+    const LandmarkId id{drive_id_, next_landmark_index_++};
+    edit.added_landmarks.push_back(
+        {.id = id,
+         .position_in_map = keyframe.map_from_camera *
+                            rig_.Triangulate({feature.x_px, feature.y_px}, feature.disparity_px),
+         .descriptor = feature.descriptor,
+         .observations = {{newest, static_cast<int32_t>(i)}}});
+    created.push_back(id);
+  }
+  on_trial_.emplace_back(newest, std::move(created));
+  return edit;
+}
+
+/// The new landmarks in the keyframes before: they too saw most of them.
+MapEdit LocalMapper::FindInNeighbours(KeyframeId newest, const std::vector<KeyframeId>& window) const {
+  MapEdit edit{.base_version = map_.version()};
+  const MapSnapshot snapshot = SnapshotOf(map_, {newest});
+  const auto fresh = SelectLandmarks(
+      snapshot, [&](LandmarkId id) { return map_.Find(id)->observations.size() == 1; });
+  for (const KeyframeId& id : Without(window, newest)) {
+    const Keyframe& keyframe = *map_.Find(id);
+    const FeatureGrid grid(*keyframe.features, rig_.camera.width, rig_.camera.height);
+    LinkMatches(map_, snapshot, id,
+                MatchByProjection(snapshot, fresh, grid, rig_, keyframe.map_from_camera.Inverse(),
+                                  {.radius_px = kFuseRadiusPx}),
+                edit);
+  }
+  return edit;
+}
+
+/// The signature of a landmark becomes that of its observations which differs least from the others.
+MapEdit LocalMapper::RefreshDescriptors(KeyframeId newest) const {
+  MapEdit edit{.base_version = map_.version()};
+  for (const auto& link : map_.LandmarksOf(newest)) {
+    if (link) edit.changed_descriptors.push_back({*link, MedoidDescriptor(map_, *map_.Find(*link))});
+  }
+  return edit;
+}
+
+/// Landmarks that did not prove themselves within their trial (§2: transient features are filtered).
+MapEdit LocalMapper::CullLandmarks() const {
+  MapEdit edit{.base_version = map_.version()};
+  if (on_trial_.size() <= options_.trial_keyframes) return edit;
+  const auto& [keyframe_id, landmark_ids] = on_trial_[on_trial_.size() - 1 - options_.trial_keyframes];
+  for (const LandmarkId& id : landmark_ids) {
+    const Landmark* landmark = map_.Find(id);
+    if (landmark && landmark->observations.size() < options_.min_trial_observations) {
+      edit.removed_landmarks.push_back(id);
+    }
+  }
+  return edit;
+}
+
+MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) const {
+  MapEdit edit{.base_version = map_.version()};
+  const KeyframeId first_of_drive = map_.keyframes().begin()->first;
+
+  // Landmarks that the window sees and that constrain poses: those seen more than once.
+  std::vector<LandmarkId> landmark_ids;
+  for (const KeyframeId& id : window) {
+    for (const auto& link : map_.LandmarksOf(id)) {
+      if (link && map_.Find(*link)->observations.size() > 1) landmark_ids.push_back(*link);
+    }
+  }
+  std::sort(landmark_ids.begin(), landmark_ids.end());
+  landmark_ids.erase(std::unique(landmark_ids.begin(), landmark_ids.end()), landmark_ids.end());
+
+  Bundle bundle{.rig = rig_, .noise = options_.noise};
+  std::vector<KeyframeId> keyframe_ids;
+  absl::btree_map<KeyframeId, uint32_t> pose_idxs;
+  const auto add_pose = [&](KeyframeId id, bool is_fixed) {
+    const auto [place, is_new] = pose_idxs.emplace(id, static_cast<uint32_t>(keyframe_ids.size()));
+    if (is_new) {
+      keyframe_ids.push_back(id);
+      bundle.camera_from_map.push_back(map_.Find(id)->map_from_camera.Inverse());
+      bundle.pose_is_fixed.push_back(is_fixed);
+    }
+    return place->second;
+  };
+  for (const KeyframeId& id : window) add_pose(id, id == first_of_drive);
+  std::vector<MapEdit::LandmarkObservation> links;
+  for (uint32_t point_idx = 0; point_idx < landmark_ids.size(); ++point_idx) {
+    const Landmark& landmark = *map_.Find(landmark_ids[point_idx]);
+    bundle.points_in_map.push_back(landmark.position_in_map);
+    for (const Observation& observation : landmark.observations) {
+      const Feature& feature =
+          (*map_.Find(observation.keyframe_id)->features)[observation.feature_idx];
+      bundle.observations.push_back({.pose_idx = add_pose(observation.keyframe_id, true),
+                                     .point_idx = point_idx,
+                                     .px = {feature.x_px, feature.y_px},
+                                     .disparity_px = feature.disparity_px,
+                                     .scale = ScaleOfLevel(feature.level)});
+      links.push_back({landmark.id, observation});
+    }
+  }
+  if (std::none_of(bundle.pose_is_fixed.begin(), bundle.pose_is_fixed.end(), [](bool f) { return f; })) {
+    bundle.pose_is_fixed.front() = true;
+  }
+
+  const BundleSummary summary = AdjustBundle(bundle, options_.bundle);
+  for (size_t i = 0; i < links.size(); ++i) {
+    if (summary.is_outlier[i]) edit.removed_observations.push_back(links[i]);
+  }
+  for (size_t i = 0; i < landmark_ids.size(); ++i) {
+    edit.moved_landmarks.push_back({landmark_ids[i], bundle.points_in_map[i]});
+  }
+  for (size_t i = 0; i < window.size(); ++i) {
+    if (bundle.pose_is_fixed[i]) continue;
+    const Rigid3 map_from_camera = bundle.camera_from_map[i].Inverse();
+    edit.moved_keyframes.push_back({keyframe_ids[i], map_from_camera});
+    // Landmarks that only this keyframe saw go along with it.
+    const Keyframe& keyframe = *map_.Find(keyframe_ids[i]);
+    for (const auto& link : map_.LandmarksOf(keyframe_ids[i])) {
+      if (!link || map_.Find(*link)->observations.size() > 1) continue;
+      const Feature& feature = (*keyframe.features)[map_.Find(*link)->observations.front().feature_idx];
+      if (!feature.has_disparity()) continue;
+      edit.moved_landmarks.push_back(
+          {*link, map_from_camera * rig_.Triangulate({feature.x_px, feature.y_px}, feature.disparity_px)});
+    }
+  }
+  return edit;
+}
+
+}  // namespace carmap

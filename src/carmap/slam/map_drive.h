@@ -1,0 +1,51 @@
+// From a drive to a map: reader, front end, tracker and local mapper wired together (paper §2).
+//
+// By default three threads work: one reads ahead, one tracks, one maps. Sequentially the same stages run
+// one after the other on the caller's thread, and the same drive gives the same map to the last bit.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <functional>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "carmap/dataset/frame_source.h"
+#include "carmap/dataset/trajectory.h"
+#include "carmap/feature/stereo_features.h"
+#include "carmap/map/map.h"
+#include "carmap/slam/local_mapper.h"
+#include "carmap/slam/tracker.h"
+
+namespace carmap {
+
+struct MapDriveOptions {
+  FrontEndOptions front_end;
+  TrackerOptions tracker;
+  LocalMapperOptions mapper;
+  bool sequential = false;
+};
+
+struct LostFrame {
+  uint32_t index = 0;  ///< frame number in the drive
+  std::string reason;
+};
+
+struct MappedDrive {
+  Map map;
+  Trajectory trajectory;  ///< in the map's frame, one entry a frame, after all adjustments
+  std::vector<LostFrame> lost_frames;
+  std::vector<double> frame_ms;            ///< from images in memory to the frame's pose
+  std::map<std::string, double> stage_ms;  ///< total of each stage
+};
+
+/// Called after each frame with the number of frames and keyframes so far.
+using MapProgress = std::function<void(size_t frames, size_t keyframes)>;
+
+/// Maps what can be tracked; frames that cannot are listed with the reason.
+/// Errors: FailedPrecondition when no frame could be tracked.
+absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id, const MapDriveOptions& options,
+                                     const MapProgress& progress = {});
+
+}  // namespace carmap

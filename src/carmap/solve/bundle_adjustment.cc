@@ -1,0 +1,376 @@
+#include "carmap/solve/bundle_adjustment.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "carmap/solve/reprojection.h"
+
+namespace carmap {
+namespace {
+
+constexpr double kInitialLambda = 1e-4, kMinLambda = 1e-10, kMaxLambda = 1e10;
+/// Below this a diagonal element is damped as if it were this large: directions without
+/// information.
+constexpr double kMinDampedDiagonal = 1e-6;
+constexpr int kFixed = -1;
+
+struct PointNormal {
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+};
+
+/// Hessian block between a pose (rows) and a point (columns).
+using CrossBlock = Eigen::Matrix<double, 6, 3>;
+
+struct State {
+  std::vector<Rigid3> camera_from_map;
+  std::vector<Eigen::Vector3d> points_in_map;
+};
+
+struct Projection {
+  uint32_t pose_idx = 0;
+  int free_idx = kFixed;
+  WhitenedMeasurement measurement;
+};
+
+void CheckIndices(const Bundle& bundle) {
+  if (bundle.pose_is_fixed.size() != bundle.camera_from_map.size()) {
+    throw std::invalid_argument("bundle: pose_is_fixed needs one entry a pose");
+  }
+  for (const BundleObservation& observation : bundle.observations) {
+    if (observation.pose_idx >= bundle.camera_from_map.size() ||
+        observation.point_idx >= bundle.points_in_map.size()) {
+      throw std::invalid_argument("bundle: an observation names a pose or point that is not there");
+    }
+  }
+}
+
+template <typename Matrix>
+void DampDiagonal(double lambda, Matrix& hessian) {
+  hessian.diagonal() += lambda * hessian.diagonal().cwiseMax(kMinDampedDiagonal);
+}
+
+/// Stable counting sort of `items` by key(item) < key_count; `begin` gets key_count + 1 offsets.
+template <typename Key>
+std::vector<uint32_t> SortByKey(const std::vector<uint32_t>& items, size_t key_count, Key key,
+                                std::vector<uint32_t>& begin) {
+  begin.assign(key_count + 1, 0);
+  for (const uint32_t item : items) ++begin[key(item) + 1];
+  for (size_t k = 0; k < key_count; ++k) begin[k + 1] += begin[k];
+  std::vector<uint32_t> next(begin.begin(), begin.end() - 1), sorted(items.size());
+  for (const uint32_t item : items) sorted[next[key(item)]++] = item;
+  return sorted;
+}
+
+/// target -= row * column^T, a column at a time in registers: most of a step's time goes here.
+void SubtractProduct(const CrossBlock& row, const CrossBlock& column, Matrix6d& target) {
+  for (int c = 0; c < 6; ++c) {
+    Vector6d sum = target.col(c);
+    for (int k = 0; k < 3; ++k) sum -= row.col(k) * column(c, k);
+    target.col(c) = sum;
+  }
+}
+
+class BundleAdjuster {
+ public:
+  explicit BundleAdjuster(Bundle& bundle)
+      : bundle_(bundle), state_{bundle.camera_from_map, bundle.points_in_map} {
+    free_idx_.reserve(bundle.camera_from_map.size());
+    for (const bool is_fixed : bundle.pose_is_fixed) {
+      free_idx_.push_back(is_fixed ? kFixed : free_count_++);
+    }
+    whitened_.reserve(bundle.observations.size());
+    for (const BundleObservation& o : bundle.observations) {
+      whitened_.push_back(Whiten(bundle.noise, o.px, o.disparity_px, o.scale));
+    }
+  }
+
+  BundleSummary Run(const BundleOptions& options) {
+    BundleSummary summary;
+    summary.is_outlier.assign(bundle_.observations.size(), false);
+    GroupByPoint(summary.is_outlier);
+    summary.initial_cost = Cost(state_);
+    summary.iterations += Minimize(options.robust_iterations, options);
+    ClassifyOutliers(summary.is_outlier);
+    if (options.final_iterations > 0) {
+      GroupByPoint(summary.is_outlier);
+      summary.iterations += Minimize(options.final_iterations, options);
+      ClassifyOutliers(summary.is_outlier);
+    }
+    GroupByPoint(std::vector<bool>(bundle_.observations.size(), false));
+    summary.final_cost = Cost(state_);
+    bundle_.camera_from_map = std::move(state_.camera_from_map);
+    bundle_.points_in_map = std::move(state_.points_in_map);
+    return summary;
+  }
+
+ private:
+  /// Levenberg-Marquardt; returns the number of linear systems solved.
+  int Minimize(int max_iterations, const BundleOptions& options) {
+    double lambda = kInitialLambda;
+    double cost = Linearize();
+    int iterations = 0;
+    while (iterations < max_iterations && lambda < kMaxLambda && !IsStopped(options)) {
+      ++iterations;
+      if (!SolveDamped(lambda)) {
+        lambda *= 10;
+        continue;
+      }
+      const double trial_cost = Cost(trial_);
+      const bool is_converged = std::abs(cost - trial_cost) <= options.min_relative_decrease * cost;
+      if (trial_cost <= cost) {
+        std::swap(state_, trial_);
+        lambda = std::max(lambda / 10, kMinLambda);
+        if (is_converged || iterations == max_iterations) break;
+        cost = Linearize();
+      } else {
+        lambda *= 10;
+        if (is_converged) break;
+      }
+    }
+    return iterations;
+  }
+
+  static bool IsStopped(const BundleOptions& options) {
+    return options.stop != nullptr && options.stop->load(std::memory_order_relaxed);
+  }
+
+  /// Brings the observations that count into the order the solver runs through: by point, and of
+  /// one point by pose, so that pairs fill the lower triangle of the reduced system.
+  void GroupByPoint(const std::vector<bool>& is_outlier) {
+    const std::vector<BundleObservation>& observations = bundle_.observations;
+    std::vector<uint32_t> order;
+    order.reserve(observations.size());
+    for (uint32_t i = 0; i < observations.size(); ++i) {
+      if (!is_outlier[i]) order.push_back(i);
+    }
+    order = SortByKey(
+        order, state_.camera_from_map.size(), [&](uint32_t i) { return observations[i].pose_idx; },
+        point_begin_);
+    order = SortByKey(
+        order, state_.points_in_map.size(), [&](uint32_t i) { return observations[i].point_idx; },
+        point_begin_);
+    projections_.clear();
+    projections_.reserve(order.size());
+    for (const uint32_t i : order) {
+      const uint32_t pose_idx = observations[i].pose_idx;
+      projections_.push_back({pose_idx, free_idx_[pose_idx], whitened_[i]});
+    }
+  }
+
+  void ClassifyOutliers(std::vector<bool>& is_outlier) const {
+    for (size_t i = 0; i < whitened_.size(); ++i) {
+      const BundleObservation& o = bundle_.observations[i];
+      const Eigen::Vector3d p =
+          state_.camera_from_map[o.pose_idx] * state_.points_in_map[o.point_idx];
+      is_outlier[i] = !IsInlier(bundle_.rig, whitened_[i], p);
+    }
+  }
+
+  double Cost(const State& state) {
+    UpdateRotations(state);
+    double cost = 0;
+    Eigen::Vector3d error;
+    for (size_t j = 0; j < state.points_in_map.size(); ++j) {
+      for (uint32_t k = point_begin_[j]; k < point_begin_[j + 1]; ++k) {
+        const Projection& projection = projections_[k];
+        const bool visible = WhitenedError(bundle_.rig, projection.measurement,
+                                           InCamera(state, projection.pose_idx, j), error);
+        cost += HuberCost(visible ? error.squaredNorm() : kInvisibleChiSquare,
+                          projection.measurement.chi_square_bound);
+      }
+    }
+    return cost;
+  }
+
+  /// Normal equations at the state: pose blocks, point blocks and the blocks between them.
+  double Linearize() {
+    UpdateRotations(state_);
+    pose_normals_.assign(free_count_, PoseNormal());
+    point_normals_.assign(state_.points_in_map.size(), PointNormal());
+    cross_blocks_.resize(projections_.size());
+    double cost = 0;
+    for (size_t j = 0; j < state_.points_in_map.size(); ++j) {
+      for (uint32_t k = point_begin_[j]; k < point_begin_[j + 1]; ++k) {
+        cost += LinearizeProjection(j, k);
+      }
+    }
+    return cost;
+  }
+
+  double LinearizeProjection(size_t point_idx, uint32_t k) {
+    const Projection& projection = projections_[k];
+    const double bound = projection.measurement.chi_square_bound;
+    const Eigen::Vector3d p = InCamera(state_, projection.pose_idx, point_idx);
+    Eigen::Vector3d error;
+    if (!WhitenedError(bundle_.rig, projection.measurement, p, error)) {
+      cross_blocks_[k].setZero();
+      return HuberCost(kInvisibleChiSquare, bound);
+    }
+    const double chi_square = error.squaredNorm();
+    const PointTerm term = MakePointTerm(bundle_.rig, projection.measurement, p, error,
+                                         HuberWeight(chi_square, bound));
+    const Eigen::Matrix3d& rotation = rotations_[projection.pose_idx];
+    const Eigen::Matrix3d camera_by_map = term.hessian.lazyProduct(rotation);
+    PointNormal& point = point_normals_[point_idx];
+    point.hessian += rotation.transpose().lazyProduct(camera_by_map);
+    point.gradient += rotation.transpose() * term.gradient;
+    if (projection.free_idx != kFixed) {
+      pose_normals_[projection.free_idx].Add(term, p);
+      cross_blocks_[k].topRows<3>() = camera_by_map;
+      cross_blocks_[k].bottomRows<3>() = CrossColumns(p, camera_by_map);
+    }
+    return HuberCost(chi_square, bound);
+  }
+
+  /// The damped step from state_ to trial_: eliminate the points, solve for the poses, then each
+  /// point by itself. False when the system is singular.
+  bool SolveDamped(double lambda) {
+    FactorPoints(lambda);
+    BuildReducedSystem(lambda);
+    if (free_count_ > 0 && !SolveReducedSystem()) return false;
+    trial_ = state_;
+    for (size_t i = 0; i < free_idx_.size(); ++i) {
+      if (free_idx_[i] == kFixed) continue;
+      trial_.camera_from_map[i] =
+          Perturb(state_.camera_from_map[i], pose_step_.segment<6>(6 * free_idx_[i]));
+    }
+    MovePoints();
+    return true;
+  }
+
+  /// Cholesky factors L of the damped point blocks. A point without information has none.
+  void FactorPoints(double lambda) {
+    point_factors_.resize(point_normals_.size());
+    for (size_t j = 0; j < point_normals_.size(); ++j) {
+      Eigen::Matrix3d damped = point_normals_[j].hessian;
+      DampDiagonal(lambda, damped);
+      point_factors_[j].compute(damped);
+    }
+  }
+
+  bool IsMovable(size_t point_idx) const {
+    return point_begin_[point_idx] < point_begin_[point_idx + 1] &&
+           point_factors_[point_idx].info() == Eigen::Success;
+  }
+
+  /// S = U - W V^-1 W^T and its right side, from the factors W L^-T, whose products give W V^-1
+  /// W^T.
+  void BuildReducedSystem(double lambda) {
+    const size_t free_count = free_count_;
+    reduced_blocks_.assign(free_count * (free_count + 1) / 2, Matrix6d::Zero());
+    pose_step_.resize(6 * free_count_);
+    for (size_t i = 0; i < free_count; ++i) {
+      Matrix6d& diagonal = ReducedBlock(i, i);
+      diagonal = pose_normals_[i].hessian;
+      DampDiagonal(lambda, diagonal);
+      pose_step_.segment<6>(6 * i) = -pose_normals_[i].gradient;
+    }
+    for (size_t j = 0; j < point_normals_.size(); ++j) {
+      if (IsMovable(j)) EliminatePoint(j);
+    }
+  }
+
+  void EliminatePoint(size_t point_idx) {
+    const Eigen::Matrix3d factor = point_factors_[point_idx].matrixL();
+    const Eigen::Matrix3d inverse_factor =
+        factor.triangularView<Eigen::Lower>().solve(Eigen::Matrix3d::Identity());
+    const Eigen::Vector3d gradient = inverse_factor * point_normals_[point_idx].gradient;
+    eliminated_.clear();
+    for (uint32_t k = point_begin_[point_idx]; k < point_begin_[point_idx + 1]; ++k) {
+      const int free_idx = projections_[k].free_idx;
+      if (free_idx == kFixed) continue;
+      eliminated_.push_back({free_idx, cross_blocks_[k].lazyProduct(inverse_factor.transpose())});
+      const Eliminated& row = eliminated_.back();
+      pose_step_.segment<6>(6 * free_idx) += row.block.lazyProduct(gradient);
+      for (const Eliminated& column : eliminated_) {
+        Matrix6d& target = ReducedBlock(row.free_idx, column.free_idx);
+        SubtractProduct(row.block, column.block, target);
+        if (&row != &column && row.free_idx == column.free_idx) {
+          SubtractProduct(column.block, row.block, target);
+        }
+      }
+    }
+  }
+
+  bool SolveReducedSystem() {
+    Eigen::MatrixXd reduced(6 * free_count_, 6 * free_count_);
+    for (int row = 0; row < free_count_; ++row) {
+      for (int column = 0; column <= row; ++column) {
+        reduced.block<6, 6>(6 * row, 6 * column) = ReducedBlock(row, column);
+      }
+    }
+    const Eigen::LLT<Eigen::MatrixXd> cholesky(reduced);
+    if (cholesky.info() == Eigen::Success) {
+      pose_step_ = cholesky.solve(pose_step_).eval();
+    } else {
+      pose_step_ = Eigen::LDLT<Eigen::MatrixXd>(reduced).solve(pose_step_).eval();
+    }
+    return pose_step_.allFinite();
+  }
+
+  void MovePoints() {
+    for (size_t j = 0; j < point_normals_.size(); ++j) {
+      if (!IsMovable(j)) continue;
+      Eigen::Vector3d gradient = point_normals_[j].gradient;
+      for (uint32_t k = point_begin_[j]; k < point_begin_[j + 1]; ++k) {
+        const int free_idx = projections_[k].free_idx;
+        if (free_idx == kFixed) continue;
+        gradient += cross_blocks_[k].transpose() * pose_step_.segment<6>(6 * free_idx);
+      }
+      trial_.points_in_map[j] -= point_factors_[j].solve(gradient);
+    }
+  }
+
+  void UpdateRotations(const State& state) {
+    rotations_.clear();
+    for (const Rigid3& pose : state.camera_from_map) {
+      rotations_.push_back(pose.rotation.toRotationMatrix());
+    }
+  }
+
+  /// Uses the rotations of the last UpdateRotations.
+  Eigen::Vector3d InCamera(const State& state, uint32_t pose_idx, size_t point_idx) const {
+    return rotations_[pose_idx] * state.points_in_map[point_idx] +
+           state.camera_from_map[pose_idx].translation;
+  }
+
+  Matrix6d& ReducedBlock(size_t row, size_t column) {
+    return reduced_blocks_[row * (row + 1) / 2 + column];
+  }
+
+  struct Eliminated {
+    int free_idx;
+    CrossBlock block;  ///< W L^-T
+  };
+
+  Bundle& bundle_;
+  State state_, trial_;
+  std::vector<int> free_idx_;  ///< of a pose, or kFixed
+  int free_count_ = 0;
+  std::vector<WhitenedMeasurement> whitened_;  ///< of an observation
+
+  std::vector<Projection> projections_;  ///< the observations that count
+  std::vector<uint32_t> point_begin_;    ///< into projections_
+  std::vector<Eigen::Matrix3d> rotations_;
+
+  std::vector<PoseNormal> pose_normals_;
+  std::vector<PointNormal> point_normals_;
+  std::vector<CrossBlock> cross_blocks_;  ///< of a projection; unset where the pose is fixed
+  std::vector<Eigen::LLT<Eigen::Matrix3d>> point_factors_;
+  std::vector<Eliminated> eliminated_;
+  std::vector<Matrix6d> reduced_blocks_;  ///< lower triangle of S by rows of blocks
+  Eigen::VectorXd pose_step_;             ///< right side of the reduced system, then its solution
+};
+
+}  // namespace
+
+BundleSummary AdjustBundle(Bundle& bundle, const BundleOptions& options) {
+  CheckIndices(bundle);
+  return BundleAdjuster(bundle).Run(options);
+}
+
+}  // namespace carmap

@@ -1,0 +1,54 @@
+// Bundle adjustment of a window: keyframe poses and landmark positions together (paper §2, error
+// minimization). Schur complement over the landmarks, dense solution of what is left.
+#pragma once
+
+#include <Eigen/Core>
+#include <atomic>
+#include <cstdint>
+#include <vector>
+
+#include "carmap/geometry/camera.h"
+#include "carmap/geometry/rigid3.h"
+#include "carmap/solve/pose_refinement.h"
+
+namespace carmap {
+
+struct BundleObservation {
+  uint32_t pose_idx = 0, point_idx = 0;
+  Eigen::Vector2d px = Eigen::Vector2d::Zero();
+  double disparity_px = -1;  ///< not positive: seen by the left camera only
+  double scale = 1;          ///< of the feature's pyramid level
+};
+
+/// The problem, and after AdjustBundle its solution.
+struct Bundle {
+  StereoRig rig;
+  MeasurementNoise noise;
+  std::vector<Rigid3> camera_from_map;  ///< poses
+  std::vector<bool> pose_is_fixed;      ///< one a pose; at least one should be
+  std::vector<Eigen::Vector3d> points_in_map;
+  std::vector<BundleObservation> observations;
+};
+
+struct BundleOptions {
+  int robust_iterations = 5;            ///< with all observations
+  int final_iterations = 8;             ///< after outliers were taken out
+  double min_relative_decrease = 1e-4;  ///< of the cost; stops a phase early
+  const std::atomic<bool>* stop =
+      nullptr;  ///< when it becomes true the best state so far is returned
+};
+
+struct BundleSummary {
+  /// Half the sum of squared weighted residuals, Huber, over all observations (also the outliers).
+  double initial_cost = 0, final_cost = 0;
+  int iterations = 0;            ///< linear systems solved
+  std::vector<bool> is_outlier;  ///< one an observation
+};
+
+/// Levenberg-Marquardt, Huber cost at the 95 % chi-square bounds. Observations of a point that ends
+/// behind its camera count as outliers. Points without inlier observations stay where they were.
+/// Throws std::invalid_argument when an index does not fit the bundle: a bug of the caller.
+/// Deterministic: the same bundle gives the same bits.
+BundleSummary AdjustBundle(Bundle& bundle, const BundleOptions& options = {});
+
+}  // namespace carmap

@@ -1,0 +1,81 @@
+// The same least-squares problem solved by Ceres: its optimum is the one that AdjustBundle must
+// reach.
+#include <ceres/ceres.h>
+#include <gtest/gtest.h>
+
+#include "carmap/solve/bundle_adjustment.h"
+#include "carmap/solve/test_scene.h"
+
+namespace carmap {
+namespace {
+
+/// Parameters: the tangent of Perturb at the initial pose, and the point. Written from the camera
+/// model alone, derivatives by differences: nothing is shared with the code under test.
+struct StereoError {
+  StereoRig rig;
+  MeasurementNoise noise;
+  BundleObservation observation;
+  Rigid3 initial_pose;
+
+  bool operator()(const double* tangent, const double* point, double* residual) const {
+    const Eigen::Map<const Vector6d> delta(tangent);
+    const Eigen::Vector3d p =
+        Perturb(initial_pose, delta) * Eigen::Map<const Eigen::Vector3d>(point);
+    const double pixel_sigma = noise.pixel_px * observation.scale;
+    residual[0] =
+        (rig.camera.fx * p.x() / p.z() + rig.camera.cx - observation.px.x()) / pixel_sigma;
+    residual[1] =
+        (rig.camera.fy * p.y() / p.z() + rig.camera.cy - observation.px.y()) / pixel_sigma;
+    residual[2] = 0;
+    if (observation.disparity_px > 0) {
+      const double disparity = rig.camera.fx * rig.baseline_m / p.z();
+      residual[2] =
+          (disparity - observation.disparity_px) / (noise.disparity_px * observation.scale);
+    }
+    return true;
+  }
+};
+
+double SolveWithCeres(Bundle& bundle) {
+  std::vector<Vector6d> tangents(bundle.camera_from_map.size(), Vector6d::Zero());
+  ceres::Problem problem;
+  for (const BundleObservation& o : bundle.observations) {
+    auto* error = new StereoError{bundle.rig, bundle.noise, o, bundle.camera_from_map[o.pose_idx]};
+    problem.AddResidualBlock(
+        new ceres::NumericDiffCostFunction<StereoError, ceres::CENTRAL, 3, 6, 3>(error),
+        new ceres::HuberLoss(std::sqrt(o.disparity_px > 0 ? 7.815 : 5.991)),
+        tangents[o.pose_idx].data(), bundle.points_in_map[o.point_idx].data());
+  }
+  for (size_t i = 0; i < tangents.size(); ++i) {
+    if (bundle.pose_is_fixed[i]) problem.SetParameterBlockConstant(tangents[i].data());
+  }
+  ceres::Solver::Options options;
+  options.linear_solver_type = ceres::DENSE_SCHUR;
+  options.max_num_iterations = 100;
+  options.function_tolerance = 1e-14;
+  options.logging_type = ceres::SILENT;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  for (size_t i = 0; i < tangents.size(); ++i) {
+    bundle.camera_from_map[i] = Perturb(bundle.camera_from_map[i], tangents[i]);
+  }
+  return summary.final_cost;
+}
+
+TEST(BundleAdjustmentCeresTest, ReachesTheSameOptimum) {
+  TestRandom random(12);
+  Bundle ours = MakeBundle(5, 100, {1, 0.7, 0.05, 0.2}, random);
+  Disturb(ours, 0.05, 0.003, random);
+  Bundle theirs = ours;
+  const BundleSummary summary = AdjustBundle(
+      ours, {.robust_iterations = 60, .final_iterations = 0, .min_relative_decrease = 1e-13});
+  const double their_cost = SolveWithCeres(theirs);
+  EXPECT_NEAR(summary.final_cost, their_cost, 1e-6 * their_cost);
+  for (size_t i = 0; i < ours.camera_from_map.size(); ++i) {
+    EXPECT_LT(DistanceBetween(ours.camera_from_map[i], theirs.camera_from_map[i]), 1e-4);
+    EXPECT_LT(RotationBetween(ours.camera_from_map[i], theirs.camera_from_map[i]), 1e-5);
+  }
+}
+
+}  // namespace
+}  // namespace carmap

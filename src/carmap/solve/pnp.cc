@@ -1,0 +1,155 @@
+#include "carmap/solve/pnp.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <random>
+
+namespace carmap {
+namespace {
+
+constexpr size_t kSampleSize = 3;
+using Sample = std::array<size_t, kSampleSize>;
+
+class PnpRansac {
+ public:
+  PnpRansac(const StereoRig& rig, const MeasurementNoise& noise,
+            const std::vector<PoseMeasurement>& measurements, const PnpOptions& options)
+      : rig_(rig),
+        noise_(noise),
+        measurements_(measurements),
+        options_(options),
+        random_(options.seed) {}
+
+  std::optional<PoseEstimate> Run() {
+    if (measurements_.size() < kSampleSize) return std::nullopt;
+    size_t best_count = 0;
+    Rigid3 best;
+    for (int i = 0; i < IterationsNeeded(best_count); ++i) {
+      const Sample sample = DrawSample();
+      for (const Rigid3& pose : SolveMinimal(sample)) {
+        if (!AgreesWithSample(pose, sample)) continue;
+        const size_t count = CountInliers(pose, best_count);
+        if (count <= best_count) continue;
+        best_count = count;
+        best = pose;
+      }
+    }
+    if (best_count < kSampleSize) return std::nullopt;
+    const PoseEstimate coarse = RefineOn(InliersOf(best), best);
+    PoseEstimate fine = RefineOn(InliersOf(coarse.camera_from_map), coarse.camera_from_map);
+    if (fine.inlier_count < std::max<int>(options_.min_inliers, kSampleSize)) return std::nullopt;
+    return fine;
+  }
+
+ private:
+  /// Until a sample of inliers only has been drawn with the wanted confidence.
+  int IterationsNeeded(size_t inlier_count) const {
+    const double ratio = static_cast<double>(inlier_count) / measurements_.size();
+    const double all_good = std::pow(ratio, kSampleSize);
+    if (all_good <= 0) return options_.max_iterations;
+    if (all_good >= 1) return 1;
+    const double needed = std::log(1 - options_.confidence) / std::log1p(-all_good);
+    return needed < options_.max_iterations ? static_cast<int>(std::ceil(needed))
+                                            : options_.max_iterations;
+  }
+
+  /// Not std::uniform_int_distribution, whose output differs between standard libraries.
+  size_t DrawIndex() { return (random_() >> 32) * measurements_.size() >> 32; }
+
+  Sample DrawSample() {
+    Sample sample;
+    for (size_t i = 0; i < kSampleSize; ++i) {
+      do {
+        sample[i] = DrawIndex();
+      } while (std::find(sample.begin(), sample.begin() + i, sample[i]) != sample.begin() + i);
+    }
+    return sample;
+  }
+
+  /// Up to four poses that project the three landmarks onto their pixels.
+  std::vector<Rigid3> SolveMinimal(const Sample& sample) const {
+    std::vector<cv::Point3d> points;
+    std::vector<cv::Point2d> pixels;
+    for (const size_t i : sample) {
+      const PoseMeasurement& m = measurements_[i];
+      if (!m.position_in_map.allFinite() || !m.px.allFinite()) return {};
+      points.emplace_back(m.position_in_map.x(), m.position_in_map.y(), m.position_in_map.z());
+      pixels.emplace_back(m.px.x(), m.px.y());
+    }
+    const PinholeCamera& c = rig_.camera;
+    const cv::Matx33d intrinsics(c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1);
+    std::vector<cv::Vec3d> rotations, translations;
+    cv::solveP3P(points, pixels, intrinsics, cv::noArray(), rotations, translations,
+                 cv::SOLVEPNP_AP3P);
+    std::vector<Rigid3> poses;
+    for (size_t i = 0; i < rotations.size(); ++i) {
+      const Eigen::Vector3d turn(rotations[i].val), translation(translations[i].val);
+      if (turn.allFinite() && translation.allFinite()) {
+        poses.push_back({RotationExp(turn), translation});
+      }
+    }
+    return poses;
+  }
+
+  /// Rejects most of the wrong solutions cheaply: they contradict the disparities.
+  bool AgreesWithSample(const Rigid3& pose, const Sample& sample) const {
+    return std::all_of(sample.begin(), sample.end(),
+                       [&](size_t i) { return Agrees(pose, measurements_[i]); });
+  }
+
+  bool Agrees(const Rigid3& pose, const PoseMeasurement& m) const {
+    const Eigen::Vector3d p = pose * m.position_in_map;
+    if (!(p.z() > 0)) return false;
+    const double bound = options_.inlier_px * m.scale;
+    if (!((rig_.camera.Project(p) - m.px).squaredNorm() <= bound * bound)) return false;
+    return !(m.disparity_px > 0) || std::abs(rig_.DisparityAt(p.z()) - m.disparity_px) <= bound;
+  }
+
+  /// Gives up once more than `count_to_beat` can no longer be reached.
+  size_t CountInliers(const Rigid3& pose, size_t count_to_beat) const {
+    size_t count = 0;
+    for (size_t i = 0; i < measurements_.size(); ++i) {
+      if (count + (measurements_.size() - i) <= count_to_beat) break;
+      if (Agrees(pose, measurements_[i])) ++count;
+    }
+    return count;
+  }
+
+  std::vector<size_t> InliersOf(const Rigid3& pose) const {
+    std::vector<size_t> inliers;
+    for (size_t i = 0; i < measurements_.size(); ++i) {
+      if (Agrees(pose, measurements_[i])) inliers.push_back(i);
+    }
+    return inliers;
+  }
+
+  /// RefinePose on a part of the measurements; its inliers are told of all of them.
+  PoseEstimate RefineOn(const std::vector<size_t>& chosen, const Rigid3& initial) const {
+    std::vector<PoseMeasurement> part;
+    part.reserve(chosen.size());
+    for (const size_t i : chosen) part.push_back(measurements_[i]);
+    PoseEstimate estimate = RefinePose(rig_, noise_, part, initial);
+    std::vector<bool> is_inlier(measurements_.size(), false);
+    for (size_t k = 0; k < chosen.size(); ++k) is_inlier[chosen[k]] = estimate.is_inlier[k];
+    estimate.is_inlier = std::move(is_inlier);
+    return estimate;
+  }
+
+  const StereoRig& rig_;
+  const MeasurementNoise& noise_;
+  const std::vector<PoseMeasurement>& measurements_;
+  const PnpOptions& options_;
+  std::mt19937_64 random_;
+};
+
+}  // namespace
+
+std::optional<PoseEstimate> SolvePnpRansac(const StereoRig& rig, const MeasurementNoise& noise,
+                                           const std::vector<PoseMeasurement>& measurements,
+                                           const PnpOptions& options) {
+  return PnpRansac(rig, noise, measurements, options).Run();
+}
+
+}  // namespace carmap

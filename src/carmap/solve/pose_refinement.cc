@@ -1,0 +1,130 @@
+#include "carmap/solve/pose_refinement.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "carmap/solve/reprojection.h"
+
+namespace carmap {
+namespace {
+
+constexpr int kRounds = 4, kStepsPerRound = 8;
+constexpr int kMinMeasurements = 3;
+
+class PoseRefiner {
+ public:
+  PoseRefiner(const StereoRig& rig, const MeasurementNoise& noise,
+              const std::vector<PoseMeasurement>& measurements, const Rigid3& initial)
+      : rig_(rig), measurements_(measurements), pose_(initial) {
+    whitened_.reserve(measurements.size());
+    active_.reserve(measurements.size());
+    for (size_t i = 0; i < measurements.size(); ++i) {
+      const PoseMeasurement& m = measurements[i];
+      whitened_.push_back(Whiten(noise, m.px, m.disparity_px, m.scale));
+      active_.push_back(i);
+    }
+  }
+
+  /// One robust minimisation over the active measurements.
+  void Minimize(bool huber) {
+    double lambda = 1e-6;
+    Linearization current = Linearize(pose_, huber);
+    for (int step = 0; step < kStepsPerRound; ++step) {
+      Vector6d delta;
+      if (!SolveDamped(current.normal, lambda, delta)) return;
+      const Rigid3 trial_pose = Perturb(pose_, delta);
+      Linearization trial = Linearize(trial_pose, huber);
+      const bool is_converged =
+          delta.norm() < 1e-6 || std::abs(current.cost - trial.cost) <= 1e-6 * current.cost;
+      if (trial.cost <= current.cost) {
+        pose_ = trial_pose;
+        current = std::move(trial);
+        lambda /= 10;
+      } else {
+        lambda = std::max(lambda, 1e-6) * 100;
+      }
+      if (is_converged) return;
+    }
+  }
+
+  /// Makes the inliers at the present pose the active measurements.
+  size_t SelectInliers() {
+    const Eigen::Matrix3d rotation = pose_.rotation.toRotationMatrix();
+    active_.clear();
+    for (size_t i = 0; i < measurements_.size(); ++i) {
+      const Eigen::Vector3d p = rotation * measurements_[i].position_in_map + pose_.translation;
+      if (IsInlier(rig_, whitened_[i], p)) active_.push_back(i);
+    }
+    return active_.size();
+  }
+
+  PoseEstimate Estimate() const {
+    PoseEstimate estimate{pose_, std::vector<bool>(measurements_.size(), false)};
+    for (const size_t i : active_) estimate.is_inlier[i] = true;
+    estimate.inlier_count = static_cast<int>(active_.size());
+    const Eigen::LLT<Matrix6d> cholesky(Linearize(pose_, false).normal.hessian);
+    if (cholesky.info() == Eigen::Success) {
+      const Matrix6d covariance = cholesky.solve(Matrix6d::Identity());
+      if (covariance.allFinite()) estimate.covariance = covariance;
+    }
+    return estimate;
+  }
+
+ private:
+  struct Linearization {
+    PoseNormal normal;
+    double cost = 0;
+  };
+
+  Linearization Linearize(const Rigid3& pose, bool huber) const {
+    Linearization result;
+    const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
+    Eigen::Vector3d error;
+    for (const size_t i : active_) {
+      const WhitenedMeasurement& m = whitened_[i];
+      const Eigen::Vector3d p = rotation * measurements_[i].position_in_map + pose.translation;
+      const bool visible = WhitenedError(rig_, m, p, error);
+      const double chi_square = visible ? error.squaredNorm() : kInvisibleChiSquare;
+      result.cost += huber ? HuberCost(chi_square, m.chi_square_bound) : chi_square / 2;
+      if (!visible) continue;
+      const double weight = huber ? HuberWeight(chi_square, m.chi_square_bound) : 1;
+      result.normal.Add(MakePointTerm(rig_, m, p, error, weight), p);
+    }
+    return result;
+  }
+
+  static bool SolveDamped(const PoseNormal& normal, double lambda, Vector6d& delta) {
+    Matrix6d damped = normal.hessian;
+    damped.diagonal() *= 1 + lambda;
+    const Eigen::LLT<Matrix6d> cholesky(damped);
+    if (cholesky.info() != Eigen::Success) return false;
+    delta = cholesky.solve(-normal.gradient);
+    return delta.allFinite();
+  }
+
+  const StereoRig& rig_;
+  const std::vector<PoseMeasurement>& measurements_;
+  std::vector<WhitenedMeasurement> whitened_;
+  std::vector<size_t> active_;
+  Rigid3 pose_;
+};
+
+}  // namespace
+
+PoseEstimate RefinePose(const StereoRig& rig, const MeasurementNoise& noise,
+                        const std::vector<PoseMeasurement>& measurements,
+                        const Rigid3& initial_camera_from_map) {
+  PoseRefiner refiner(rig, noise, measurements, initial_camera_from_map);
+  size_t active_count = measurements.size();
+  for (int round = 0; round < kRounds && active_count >= kMinMeasurements; ++round) {
+    const bool is_last = round + 1 == kRounds;
+    refiner.Minimize(!is_last);
+    active_count = refiner.SelectInliers();
+  }
+  if (active_count >= kMinMeasurements) return refiner.Estimate();
+  return {initial_camera_from_map, std::vector<bool>(measurements.size(), false)};
+}
+
+}  // namespace carmap
