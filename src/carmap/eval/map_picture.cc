@@ -65,13 +65,33 @@ std::optional<View> MiddleOf(const Points& landmarks) {
   return View{{xs[low], zs[low]}, {xs[high], zs[high]}};
 }
 
+/// The part of a view in which there are landmarks, with some room around it; all of `content`
+/// stays.
+View ShrinkToLandmarks(const View& view, const View& content, const Points& landmarks) {
+  constexpr double kRoomM = 5;
+  View shrunk = content;
+  for (const Eigen::Vector3d& p : landmarks) {
+    const Eigen::Vector2d ground(p.x(), p.z());
+    if ((ground.array() < view.min.array()).any() || (ground.array() > view.max.array()).any() ||
+        !ground.allFinite()) {
+      continue;
+    }
+    shrunk.min = shrunk.min.cwiseMin(ground);
+    shrunk.max = shrunk.max.cwiseMax(ground);
+  }
+  const Eigen::Vector2d room = Eigen::Vector2d::Constant(kRoomM);
+  return {(shrunk.min - room).cwiseMax(view.min), (shrunk.max + room).cwiseMin(view.max)};
+}
+
 View ChooseView(const MapPicture& picture) {
   constexpr double kMarginM = 40, kMinAspect = kMinPlotWidthPx / kLongSidePx, kMaxAspect = 2;
-  const Eigen::Vector2d zero = Eigen::Vector2d::Zero();
   std::optional<View> content = BoundingBox(picture.paths);
   if (!content) content = MiddleOf(picture.landmarks_in_map);
-  const View box = content.value_or(View{zero, zero});
-  Eigen::Vector2d size = box.size() + Eigen::Vector2d::Constant(2 * kMarginM);
+  if (!content) content = View{Eigen::Vector2d::Zero(), Eigen::Vector2d::Zero()};
+  const Eigen::Vector2d margin = Eigen::Vector2d::Constant(kMarginM);
+  const View box = ShrinkToLandmarks({content->min - margin, content->max + margin}, *content,
+                                     picture.landmarks_in_map);
+  Eigen::Vector2d size = box.size();
   size.x() = std::max(size.x(), kMinAspect * size.y());
   size.y() = std::max(size.y(), size.x() / kMaxAspect);
   const Eigen::Vector2d center = (box.min + box.max) / 2;
@@ -153,7 +173,10 @@ class Canvas {
   void Cloud(const std::vector<Eigen::Vector2d>& centers, Eigen::Vector2d min, Eigen::Vector2d max,
              Rgb colour) {
     constexpr double kRadiusPx = 1.5;
-    constexpr float kTransparency = 0.55f;
+    constexpr double kCrowd = 20000;  // more dots than this would merge into one dark area
+    const double opacity =
+        0.45 * std::sqrt(std::min(1.0, kCrowd / std::max<double>(1, centers.size())));
+    const auto dot_transparency = static_cast<float>(1 - opacity);
     const cv::Rect frame(Whole(min), Whole(max));
     cv::Mat transparency(image_.size(), CV_32FC1, cv::Scalar(1));
     const int reach = static_cast<int>(kRadiusPx * kOversampling);
@@ -163,7 +186,7 @@ class Canvas {
         for (int dx = -reach; dx <= reach; ++dx) {
           const cv::Point pixel(middle.x + dx, middle.y + dy);
           if (dx * dx + dy * dy > reach * reach || !frame.contains(pixel)) continue;
-          transparency.at<float>(pixel) *= kTransparency;
+          transparency.at<float>(pixel) *= dot_transparency;
         }
       }
     }
@@ -238,17 +261,18 @@ void DrawGrid(const Plot& plot, Canvas& canvas) {
   const double step_m = RoundStepAtLeast(kSpacingPx / plot.px_per_m());
   const View& view = plot.view();
   const auto first = [&](double min) { return std::ceil(min / step_m); };
+  // Adding 0 turns -0 into 0.
+  const auto label = [&](double i) { return fmt::format("{:g}", i * step_m + 0.0); };
   for (double i = first(view.min.x()); i * step_m <= view.max.x(); ++i) {
     const double x = plot.ToPicture(i * step_m, 0).x();
     canvas.Line({x, plot.min_px().y()}, {x, plot.max_px().y()}, kGridColour, 1);
-    canvas.Text(fmt::format("{:g}", i * step_m), {x, plot.max_px().y() + 24}, kLabelPx, kGrey,
-                Anchor::kMiddle);
+    canvas.Text(label(i), {x, plot.max_px().y() + 24}, kLabelPx, kGrey, Anchor::kMiddle);
   }
   for (double i = first(view.min.y()); i * step_m <= view.max.y(); ++i) {
     const double y = plot.ToPicture(0, i * step_m).y();
     canvas.Line({plot.min_px().x(), y}, {plot.max_px().x(), y}, kGridColour, 1);
-    canvas.Text(fmt::format("{:g}", i * step_m), {plot.min_px().x() - 10, y + kLabelPx / 2},
-                kLabelPx, kGrey, Anchor::kRight);
+    canvas.Text(label(i), {plot.min_px().x() - 10, y + kLabelPx / 2}, kLabelPx, kGrey,
+                Anchor::kRight);
   }
   const double middle = (plot.min_px().x() + plot.max_px().x()) / 2;
   canvas.Text("x, to the right (m)", {middle, plot.max_px().y() + 54}, kNamePx, kBlack,
@@ -272,12 +296,21 @@ void DrawLandmarks(const Plot& plot, const Points& landmarks, Canvas& canvas) {
   canvas.Cloud(centers, plot.min_px(), plot.max_px(), kLandmarkColour);
 }
 
-constexpr double kLinePx = 2.5, kDotRadiusPx = 4;
+constexpr double kDotRadiusPx = 3.5;
 
-void DrawPath(const Plot& plot, const PicturePath& path, Canvas& canvas) {
+/// Lines further below are wider, so that they show where they coincide.
+double LineWidthPx(const std::vector<PicturePath>& paths, size_t path_idx) {
+  constexpr double kTopPx = 2, kWidestPx = 7, kStepPx = 2.5;
+  const auto lines_above =
+      std::count_if(paths.begin() + static_cast<std::ptrdiff_t>(path_idx) + 1, paths.end(),
+                    [](const PicturePath& path) { return !path.as_dots; });
+  return std::min(kWidestPx, kTopPx + kStepPx * static_cast<double>(lines_above));
+}
+
+void DrawPath(const Plot& plot, const PicturePath& path, double width_px, Canvas& canvas) {
   std::vector<Eigen::Vector2d> line;
   const auto draw_line = [&] {
-    if (line.size() > 1) canvas.Polyline(line, path.colour, kLinePx);
+    if (line.size() > 1) canvas.Polyline(line, path.colour, width_px);
     line.clear();
   };
   for (const Eigen::Vector3d& p : path.positions_in_map) {
@@ -311,12 +344,13 @@ void DrawLegend(const Plot& plot, const MapPicture& picture, Canvas& canvas) {
                 kBlack, Anchor::kLeft);
     sample.y() += kRowPx;
   };
-  for (const PicturePath& path : picture.paths) {
+  for (size_t i = 0; i < picture.paths.size(); ++i) {
+    const PicturePath& path = picture.paths[i];
     const Eigen::Vector2d half(kSamplePx / 2, 0);
     if (path.as_dots) {
       canvas.Dot(sample + half, kDotRadiusPx, path.colour);
     } else {
-      canvas.Line(sample, sample + 2 * half, path.colour, kLinePx);
+      canvas.Line(sample, sample + 2 * half, path.colour, LineWidthPx(picture.paths, i));
     }
     write_row(ToAscii(path.name));
   }
@@ -363,7 +397,9 @@ cv::Mat RenderMapPicture(const MapPicture& picture) {
   Canvas canvas(size.x(), size.y());
   DrawGrid(plot, canvas);
   DrawLandmarks(plot, picture.landmarks_in_map, canvas);
-  for (const PicturePath& path : picture.paths) DrawPath(plot, path, canvas);
+  for (size_t i = 0; i < picture.paths.size(); ++i) {
+    DrawPath(plot, picture.paths[i], LineWidthPx(picture.paths, i), canvas);
+  }
   DrawFrame(plot, canvas);
   DrawLegend(plot, picture, canvas);
   DrawScaleBar(plot, canvas);

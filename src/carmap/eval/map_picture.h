@@ -36,9 +36,9 @@ struct MapPicture {
   std::vector<PicturePath> paths;  ///< later ones are drawn over earlier ones
 };
 
-/// 8-bit BGR, at least 1000 px wide. Shows the paths' bounding box and 40 m around it, whatever
-/// lies outside (without paths: the middle 90 % of the landmarks). Positions that are not finite
-/// are not drawn.
+/// 8-bit BGR, at least 1000 px wide. Shows the paths and the landmarks up to 40 m around their
+/// bounding box, whatever lies outside (without paths: around the middle 90 % of the landmarks).
+/// Positions that are not finite are not drawn.
 cv::Mat RenderMapPicture(const MapPicture& picture);
 
 /// As PNG. Errors: as WriteFileAtomically.

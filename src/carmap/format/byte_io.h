@@ -1,7 +1,8 @@
 // Little-endian numbers in byte strings, whatever the machine's own order.
 //
-// ByteReader is for bytes from outside: it never reads past the end. A read that would is remembered
-// as a failure and gives zero; callers check ok() before they use what they read. Not thread-safe.
+// ByteReader is for bytes from outside: it never reads past the end. A read that would is
+// remembered as a failure and gives zero; callers check ok() before they use what they read. Not
+// thread-safe.
 #pragma once
 
 #include <bit>

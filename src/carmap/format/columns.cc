@@ -20,7 +20,8 @@ struct Token {
   int extra_bits;
 };
 
-/// Token 4 (e - 1) + m stands for the values whose leading bit is 2^e and whose next two bits are m.
+/// Token 4 (e - 1) + m stands for the values whose leading bit is 2^e and whose next two bits are
+/// m.
 Token TokenOf(uint64_t value) {
   if (value < kFirstSplitValue) return {static_cast<uint8_t>(value), 0};
   const int exponent = std::bit_width(value) - 1;
@@ -92,8 +93,8 @@ class BitReader {
 
 std::string Compress(const std::string& raw, int zstd_level) {
   std::string compressed(ZSTD_compressBound(raw.size()), '\0');
-  const size_t size = ZSTD_compress(compressed.data(), compressed.size(), raw.data(), raw.size(),
-                                    zstd_level);
+  const size_t size =
+      ZSTD_compress(compressed.data(), compressed.size(), raw.data(), raw.size(), zstd_level);
   // It cannot fail with room for the bound; should it, the column is stored as it is.
   if (ZSTD_isError(size)) return raw;
   compressed.resize(size);

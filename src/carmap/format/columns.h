@@ -1,9 +1,11 @@
-// Columns: the same field of all records, one after the other, the form in which a lean map stores them.
+// Columns: the same field of all records, one after the other, the form in which a lean map stores
+// them.
 //
-// Bytes are compressed (zstd) where that makes them smaller. An integer is split into a token, which says how large it is and holds its three leading bits, and
-// extra bits, its remainder. Tokens of one column repeat and are compressed (zstd); extra bits hardly
-// do and are packed as they are. So small values cost a fraction of a byte and wide ones little more
-// than their entropy. docs/format.md specifies both byte by byte.
+// Bytes are compressed (zstd) where that makes them smaller. An integer is split into a token,
+// which says how large it is and holds its three leading bits, and extra bits, its remainder.
+// Tokens of one column repeat and are compressed (zstd); extra bits hardly do and are packed as
+// they are. So small values cost a fraction of a byte and wide ones little more than their entropy.
+// docs/format.md specifies both byte by byte.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -29,8 +31,8 @@ inline int64_t UnZigZag(uint64_t value) {
 void AppendByteColumn(const std::string& bytes, int zstd_level, std::string& out);
 void AppendIntColumn(const std::vector<uint64_t>& values, int zstd_level, std::string& out);
 
-/// Read a column that must have `count` values. The caller bounds `count`: memory stays below 10 bytes
-/// a value. Errors: DataLoss, saying what is wrong but not in which file.
+/// Read a column that must have `count` values. The caller bounds `count`: memory stays below 10
+/// bytes a value. Errors: DataLoss, saying what is wrong but not in which file.
 absl::StatusOr<std::string> ReadByteColumn(ByteReader& reader, size_t count);
 absl::StatusOr<std::vector<uint64_t>> ReadIntColumn(ByteReader& reader, size_t count);
 

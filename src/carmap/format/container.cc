@@ -11,7 +11,10 @@ namespace carmap {
 namespace {
 
 /// As PNG's: a byte above 127, line ends and a control-Z betray transfers that alter bytes.
-constexpr std::string_view kMagic("\x89" "CMAP\r\n\x1a", 8);
+constexpr std::string_view kMagic(
+    "\x89"
+    "CMAP\r\n\x1a",
+    8);
 constexpr size_t kFixedSize = 24;
 constexpr size_t kEntrySize = 20;
 constexpr size_t kChecksumSize = 8;
@@ -21,9 +24,8 @@ constexpr uint16_t kMandatoryFlag = 1;
 uint64_t Checksum(std::string_view bytes) { return XXH3_64bits(bytes.data(), bytes.size()); }
 
 absl::Status CutShort(const std::string& name, uint64_t found, uint64_t expected) {
-  return absl::DataLossError(
-      fmt::format("{}: cut short ({} bytes of {}); copy or download the file again", name, found,
-                  expected));
+  return absl::DataLossError(fmt::format(
+      "{}: cut short ({} bytes of {}); copy or download the file again", name, found, expected));
 }
 
 absl::Status Damaged(const std::string& name, const std::string& where) {

@@ -1,7 +1,8 @@
 // The container of a carmap file: magic, version, and checksummed sections.
 //
-// docs/format.md specifies it byte by byte. Reading trusts nothing: every length is checked against the
-// bytes that are there before it is used, so memory stays within the file's own size. Thread-safe.
+// docs/format.md specifies it byte by byte. Reading trusts nothing: every length is checked against
+// the bytes that are there before it is used, so memory stays within the file's own size.
+// Thread-safe.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <optional>
@@ -216,8 +217,8 @@ std::string EncodeLandmarks(const LeanMap& map, int level) {
   return out;
 }
 
-/// A column for each of the 32 bytes: neighbouring tests of a descriptor agree a little more often than
-/// not, which whole descriptors hide.
+/// A column for each of the 32 bytes: neighbouring tests of a descriptor agree a little more often
+/// than not, which whole descriptors hide.
 std::string EncodeDescriptors(const std::vector<LeanLandmark>& landmarks, int level) {
   std::string out, column(landmarks.size(), '\0');
   for (size_t byte = 0; byte < kDescriptorBytes; ++byte) {
@@ -268,6 +269,8 @@ GridVector WrappingAdd(const GridVector& a, const GridVector& b) {
   return {WrappingAdd(a.x(), b.x()), WrappingAdd(a.y(), b.y()), WrappingAdd(a.z(), b.z())};
 }
 
+uint64_t SaturatingAdd(uint64_t a, uint64_t b) { return a > UINT64_MAX - b ? UINT64_MAX : a + b; }
+
 absl::StatusOr<std::vector<GridVector>> ReadVectors(ByteReader& reader, size_t count) {
   std::vector<GridVector> values(count);
   for (int axis = 0; axis < 3; ++axis) {
@@ -295,11 +298,11 @@ absl::StatusOr<std::vector<Id>> ReadIds(ByteReader& reader, const std::vector<Le
     if (per_drive[drive] > count - ids.size()) return Malformed("drives have too many records");
     uint64_t next_index = 0;
     for (uint64_t i = 0; i < per_drive[drive]; ++i) {
-      if (skipped[ids.size()] > UINT32_MAX - std::min<uint64_t>(next_index, UINT32_MAX) ||
-          next_index > UINT32_MAX) {
+      const uint64_t gap = skipped[ids.size()];
+      if (next_index > UINT32_MAX || gap > UINT32_MAX - next_index) {
         return Malformed("an index exceeds 32 bits");
       }
-      next_index += skipped[ids.size()];
+      next_index += gap;
       ids.push_back({drives[drive].id, static_cast<uint32_t>(next_index)});
       ++next_index;
     }
@@ -410,6 +413,13 @@ absl::StatusOr<std::vector<GridVector>> DecodeKeyframes(std::string_view bytes,
   return translations;
 }
 
+void AppendRange(uint64_t begin, uint64_t length, std::vector<uint32_t>& list) {
+  const size_t old_size = list.size();
+  list.resize(old_size + length);
+  std::iota(list.begin() + static_cast<ptrdiff_t>(old_size), list.end(),
+            static_cast<uint32_t>(begin));
+}
+
 absl::Status ReadKeyframeLists(ByteReader& reader, const Counts& counts,
                                std::vector<LeanLandmark>& landmarks) {
   CARMAP_ASSIGN_OR_RETURN(const auto firsts, ReadIntColumn(reader, counts.landmarks));
@@ -417,34 +427,28 @@ absl::Status ReadKeyframeLists(ByteReader& reader, const Counts& counts,
   CARMAP_ASSIGN_OR_RETURN(const auto extra_lengths, ReadIntColumn(reader, counts.runs));
   CARMAP_ASSIGN_OR_RETURN(const auto extra_gaps,
                           ReadIntColumn(reader, counts.runs - counts.landmarks));
-  uint64_t first = 0, run = 0, observations = 0;
+  auto extra_length = extra_lengths.begin();
+  auto extra_gap = extra_gaps.begin();
+  uint64_t first = 0, observations_left = counts.observations;
   for (size_t i = 0; i < landmarks.size(); ++i) {
-    std::vector<uint32_t>& list = landmarks[i].keyframe_idxs;
     first += static_cast<uint64_t>(UnZigZag(firsts[i]));
-    if (extra_runs[i] >= counts.runs - run) return Malformed("keyframe lists have too many runs");
+    if (extra_runs[i] > static_cast<uint64_t>(extra_gaps.end() - extra_gap)) {
+      return Malformed("keyframe lists have too many runs");
+    }
     uint64_t begin = first;
-    for (uint64_t j = 0; j <= extra_runs[i]; ++j, ++run) {
-      if (j > 0) {
-        const uint64_t gap = extra_gaps[run - i - 1];
-        if (gap >= counts.keyframes) return Malformed("a keyframe list exceeds the keyframes");
-        begin += gap + 1;
-      }
-      const uint64_t extra = extra_lengths[run];
-      if (begin >= counts.keyframes || extra >= counts.keyframes - begin) {
+    for (uint64_t run = 0; run <= extra_runs[i]; ++run) {
+      if (run > 0) begin = SaturatingAdd(begin, SaturatingAdd(*extra_gap++, 1));
+      if (begin >= counts.keyframes || *extra_length >= counts.keyframes - begin) {
         return Malformed("a keyframe list exceeds the keyframes");
       }
-      if (extra >= counts.observations - observations) {
-        return Malformed("keyframe lists are longer than counted");
-      }
-      const size_t old_size = list.size();
-      list.resize(old_size + extra + 1);
-      std::iota(list.begin() + static_cast<ptrdiff_t>(old_size), list.end(),
-                static_cast<uint32_t>(begin));
-      observations += extra + 1;
-      begin += extra + 1;
+      const uint64_t length = *extra_length++ + 1;
+      if (length > observations_left) return Malformed("keyframe lists are longer than counted");
+      AppendRange(begin, length, landmarks[i].keyframe_idxs);
+      observations_left -= length;
+      begin += length;
     }
   }
-  if (run != counts.runs || observations != counts.observations) {
+  if (extra_gap != extra_gaps.end() || observations_left != 0) {
     return Malformed("keyframe lists are shorter than counted");
   }
   return absl::OkStatus();
@@ -477,11 +481,17 @@ absl::Status DecodeLandmarks(std::string_view bytes, const Header& header,
 
 absl::Status DecodeDescriptors(std::string_view bytes, std::vector<LeanLandmark>& landmarks) {
   ByteReader reader(bytes);
-  for (size_t byte = 0; byte < kDescriptorBytes; ++byte) {
-    CARMAP_ASSIGN_OR_RETURN(const std::string column, ReadByteColumn(reader, landmarks.size()));
+  for (size_t word = 0; word < kDescriptorBytes / 8; ++word) {
+    std::array<std::string, 8> columns;
+    for (std::string& column : columns) {
+      CARMAP_ASSIGN_OR_RETURN(column, ReadByteColumn(reader, landmarks.size()));
+    }
     for (size_t i = 0; i < landmarks.size(); ++i) {
-      landmarks[i].descriptor.words[byte / 8] |= uint64_t{static_cast<uint8_t>(column[i])}
-                                                 << (8 * (byte % 8));
+      uint64_t value = 0;
+      for (size_t byte = 0; byte < 8; ++byte) {
+        value |= uint64_t{static_cast<uint8_t>(columns[byte][i])} << (8 * byte);
+      }
+      landmarks[i].descriptor.words[word] = value;
     }
   }
   if (reader.remaining() != 0) return Malformed("bytes follow its columns");
@@ -507,9 +517,10 @@ absl::StatusOr<Contents> KnownContents(const std::vector<SectionView>& sections,
   Contents contents;
   for (size_t id = 0; id < found.size(); ++id) {
     if (!found[id]) {
-      return absl::DataLossError(fmt::format("{}: has no section '{}'; copy or download the file "
-                                             "again, or make it anew with `carmap map`",
-                                             name, kSectionNames[id]));
+      return absl::DataLossError(
+          fmt::format("{}: has no section '{}'; copy or download the file "
+                      "again, or make it anew with `carmap map`",
+                      name, kSectionNames[id]));
     }
     contents.push_back(*found[id]);
   }
@@ -527,7 +538,8 @@ absl::Status CheckAffordable(const Counts& counts, uint64_t file_size, const std
     return absl::OkStatus();
   }
   return absl::ResourceExhaustedError(fmt::format(
-      "{}: claims {} drives, {} keyframes, {} landmarks and {} observations, more than {} bytes can "
+      "{}: claims {} drives, {} keyframes, {} landmarks and {} observations, more than {} bytes "
+      "can "
       "hold; make the file anew with `carmap map`",
       name, counts.drives, counts.keyframes, counts.landmarks, counts.observations, file_size));
 }
@@ -595,8 +607,8 @@ LeanMap Quantize(const LeanMap& map) {
   for (LeanKeyframe& keyframe : quantized.keyframes) {
     Rigid3& pose = keyframe.map_from_camera;
     pose.rotation = RotationFromGrid(RotationToGrid(pose.rotation));
-    pose.translation = FromGrid(ToGrid(pose.translation, kTranslationExponent),
-                                kTranslationExponent);
+    pose.translation =
+        FromGrid(ToGrid(pose.translation, kTranslationExponent), kTranslationExponent);
     if (keyframe.gps) keyframe.gps = GpsFromGrid(GpsToGrid(*keyframe.gps));
   }
   for (LeanLandmark& landmark : quantized.landmarks) {

@@ -1,8 +1,9 @@
 // Lean maps as bytes and files (paper §3.1): what a vehicle sends and a disk keeps.
 //
-// No index, no keyframe feature, no pointer, no padding. docs/format.md specifies every byte. The same
-// map gives the same bytes (with the same zstd library). Bytes from outside are trusted in nothing: a
-// file cut, damaged, newer or made to exhaust memory is refused with one line. Thread-safe.
+// No index, no keyframe feature, no pointer, no padding. docs/format.md specifies every byte. The
+// same map gives the same bytes (with the same zstd library). Bytes from outside are trusted in
+// nothing: a file cut, damaged, newer or made to exhaust memory is refused with one line.
+// Thread-safe.
 #pragma once
 
 #include <absl/status/status.h>
@@ -27,13 +28,15 @@ struct LeanEncodeOptions {
 inline constexpr uint64_t kMaxLeanFileBytes = uint64_t{1} << 34;
 
 /// Positions and poses are rounded as Quantize does. Errors: InvalidArgument for a map that is not
-/// consistent, reaches beyond kMaxCoordinateM of lean_grid.h, or is larger than the format's limits.
+/// consistent, reaches beyond kMaxCoordinateM of lean_grid.h, or is larger than the format's
+/// limits.
 absl::StatusOr<std::string> EncodeLeanMap(const LeanMap& map,
                                           const LeanEncodeOptions& options = {});
 
-/// The map is consistent in the sense of CheckConsistency. Errors, each one line with `name`, cause and
-/// remedy: InvalidArgument (not a map file), Unimplemented (newer version), DataLoss (cut, damaged),
-/// ResourceExhausted (counts beyond the limits, or far beyond what the file's size can hold).
+/// The map is consistent in the sense of CheckConsistency. Errors, each one line with `name`, cause
+/// and remedy: InvalidArgument (not a map file), Unimplemented (newer version), DataLoss (cut,
+/// damaged), ResourceExhausted (counts beyond the limits, or far beyond what the file's size can
+/// hold).
 absl::StatusOr<LeanMap> DecodeLeanMap(std::string_view bytes, const std::string& name);
 
 /// The map as it comes back from its bytes: Quantize(m) = decode(encode(m)), exactly, and

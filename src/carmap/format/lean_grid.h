@@ -1,8 +1,8 @@
 // The whole numbers that a lean map file stores for poses, positions and GPS fixes.
 //
 // Each value is rounded to a grid once; what comes back lies on the grid and is rounded to the same
-// numbers again. Coming back takes only exact operations and single divisions, so every machine gives
-// the same bits. Pure functions.
+// numbers again. Coming back takes only exact operations and single divisions, so every machine
+// gives the same bits. Pure functions.
 #pragma once
 
 #include <Eigen/Core>

@@ -25,21 +25,35 @@ struct PinholeCamera {
   }
 };
 
+/// What is left of lens distortion after rectification, as far as it bends depths: a disparity is
+/// measured too large by a quadratic in x = (u - cx) / fx. Zero for a perfect rig.
+struct DisparityBias {
+  Eigen::Vector3d coefficients_px = Eigen::Vector3d::Zero();  ///< of 1, x and x²
+  bool operator==(const DisparityBias&) const = default;
+
+  double At(double x) const { return coefficients_px.dot(Eigen::Vector3d(1, x, x * x)); }
+};
+
 /// Two equal, row-aligned cameras; the right one stands `baseline_m` along x of the left one.
 struct StereoRig {
   PinholeCamera camera;
   double baseline_m = 0;
+  DisparityBias disparity_bias;
   bool operator==(const StereoRig&) const = default;
 
   /// Disparity = u_left - u_right of a point at this depth.
   double DisparityAt(double depth_m) const { return camera.fx * baseline_m / depth_m; }
   double DepthAt(double disparity_px) const { return camera.fx * baseline_m / disparity_px; }
-  /// (u, v, disparity). Needs p.z() > 0.
+  /// The disparity that a perfect rig would have measured at this column.
+  double WithoutBias(double u_px, double measured_disparity_px) const {
+    return measured_disparity_px - disparity_bias.At((u_px - camera.cx) / camera.fx);
+  }
+  /// (u, v, disparity without bias). Needs p.z() > 0.
   Eigen::Vector3d Project(const Eigen::Vector3d& p_in_camera) const {
     const Eigen::Vector2d px = camera.Project(p_in_camera);
     return {px.x(), px.y(), DisparityAt(p_in_camera.z())};
   }
-  /// Needs disparity_px > 0.
+  /// Needs a disparity without bias > 0.
   Eigen::Vector3d Triangulate(const Eigen::Vector2d& px, double disparity_px) const {
     return camera.Unproject(px, DepthAt(disparity_px));
   }

@@ -17,7 +17,7 @@ MatchedPose MatchAndRefine(const MapSnapshot& map, const std::vector<uint32_t>& 
   result.matches =
       MatchByProjection(map, landmark_idxs, grid, rig, camera_from_map, {.radius_px = radius_px});
   result.estimate =
-      RefinePose(rig, noise, MeasurementsOf(map, grid.features(), result.matches), camera_from_map);
+      RefinePose(rig, noise, MeasurementsOf(map, grid.features(), rig, result.matches), camera_from_map);
   return result;
 }
 
@@ -48,7 +48,7 @@ std::optional<TrackedPose> TrackByAppearance(const MapSnapshot& map, const std::
   PnpOptions pnp;
   pnp.seed = seed;
   const auto pose =
-      SolvePnpRansac(rig, options.noise, MeasurementsOf(map, grid.features(), matches), pnp);
+      SolvePnpRansac(rig, options.noise, MeasurementsOf(map, grid.features(), rig, matches), pnp);
   if (!pose) return std::nullopt;
   return TrackByProjection(map, landmark_idxs, grid, rig, pose->camera_from_map, options);
 }

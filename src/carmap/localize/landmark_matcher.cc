@@ -135,14 +135,16 @@ std::vector<LandmarkMatch> MatchByAppearance(const MapSnapshot& map,
 }
 
 std::vector<PoseMeasurement> MeasurementsOf(const MapSnapshot& map, const std::vector<Feature>& features,
-                                            const std::vector<LandmarkMatch>& matches) {
+                                            const StereoRig& rig, const std::vector<LandmarkMatch>& matches) {
   std::vector<PoseMeasurement> measurements;
   measurements.reserve(matches.size());
   for (const auto& [landmark_idx, feature_idx] : matches) {
     const Feature& feature = features[feature_idx];
     measurements.push_back({.position_in_map = map.landmarks[landmark_idx].position_in_map,
                             .px = {feature.x_px, feature.y_px},
-                            .disparity_px = feature.disparity_px,
+                            .disparity_px = feature.has_disparity()
+                                                ? rig.WithoutBias(feature.x_px, feature.disparity_px)
+                                                : Feature::kNoDisparity,
                             .scale = ScaleOfLevel(feature.level)});
   }
   return measurements;

@@ -51,6 +51,6 @@ std::vector<LandmarkMatch> MatchByAppearance(const MapSnapshot& map,
 
 /// What RefinePose and SolvePnpRansac take, in the order of the matches.
 std::vector<PoseMeasurement> MeasurementsOf(const MapSnapshot& map, const std::vector<Feature>& features,
-                                            const std::vector<LandmarkMatch>& matches);
+                                            const StereoRig& rig, const std::vector<LandmarkMatch>& matches);
 
 }  // namespace carmap

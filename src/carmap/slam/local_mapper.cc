@@ -63,7 +63,7 @@ Descriptor MedoidDescriptor(const Map& map, const Landmark& landmark) {
 
 }  // namespace
 
-std::shared_ptr<const MapSnapshot> LocalMapper::Insert(const NewKeyframe& new_keyframe) {
+std::shared_ptr<const LocalMap> LocalMapper::Insert(const NewKeyframe& new_keyframe) {
   const KeyframeId id = new_keyframe.keyframe.id;
   const auto run = [this](const char* step, auto&& make_edit) {
     const Stopwatch watch;
@@ -79,7 +79,7 @@ std::shared_ptr<const MapSnapshot> LocalMapper::Insert(const NewKeyframe& new_ke
   run("cull", [&] { return CullLandmarks(); });
   window = WindowAround(id);
   run("adjust", [&] { return AdjustWindow(window); });
-  return std::make_shared<const MapSnapshot>(SnapshotOf(map_, window));
+  return std::make_shared<const LocalMap>(LocalMap{SnapshotOf(map_, window), rig_});
 }
 
 void LocalMapper::Carry(const char* step, const MapEdit& edit, double elapsed_ms) {
@@ -142,12 +142,14 @@ MapEdit LocalMapper::CreateLandmarks(KeyframeId newest) {
   std::vector<LandmarkId> created;
   for (size_t i = 0; i < links.size(); ++i) {
     const Feature& feature = (*keyframe.features)[i];
-    if (links[i] || feature.disparity_px < options_.min_new_disparity_px) continue;
+    if (links[i] || !feature.has_disparity() ||
+        rig_.WithoutBias(feature.x_px, feature.disparity_px) < options_.min_new_disparity_px) {
+      continue;
+    }
     const LandmarkId id{drive_id_, next_landmark_index_++};
     edit.added_landmarks.push_back(
         {.id = id,
-         .position_in_map = keyframe.map_from_camera *
-                            rig_.Triangulate({feature.x_px, feature.y_px}, feature.disparity_px),
+         .position_in_map = Triangulate(keyframe, feature),
          .descriptor = feature.descriptor,
          .observations = {{newest, static_cast<int32_t>(i)}}});
     created.push_back(id);
@@ -196,7 +198,12 @@ MapEdit LocalMapper::CullLandmarks() const {
   return edit;
 }
 
-MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) const {
+Eigen::Vector3d LocalMapper::Triangulate(const Keyframe& keyframe, const Feature& feature) const {
+  return keyframe.map_from_camera *
+         rig_.Triangulate({feature.x_px, feature.y_px}, rig_.WithoutBias(feature.x_px, feature.disparity_px));
+}
+
+MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) {
   MapEdit edit{.base_version = map_.version()};
   const KeyframeId first_of_drive = map_.keyframes().begin()->first;
 
@@ -242,7 +249,12 @@ MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) const {
     bundle.pose_is_fixed.front() = true;
   }
 
-  const BundleSummary summary = AdjustBundle(bundle, options_.bundle);
+  BundleOptions bundle_options = options_.bundle;
+  bundle_options.estimate_disparity_bias = window.size() >= options_.min_calibrating_keyframes;
+  bundle_options.bias_step_sigma_px = options_.bias_step_sigma_rad * rig_.camera.fx;
+  bundle_options.max_bias_px = options_.max_bias_rad * rig_.camera.fx;
+  const BundleSummary summary = AdjustBundle(bundle, bundle_options);
+  rig_ = bundle.rig;
   for (size_t i = 0; i < links.size(); ++i) {
     if (summary.is_outlier[i]) edit.removed_observations.push_back(links[i]);
   }
@@ -251,16 +263,15 @@ MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) const {
   }
   for (size_t i = 0; i < window.size(); ++i) {
     if (bundle.pose_is_fixed[i]) continue;
-    const Rigid3 map_from_camera = bundle.camera_from_map[i].Inverse();
-    edit.moved_keyframes.push_back({keyframe_ids[i], map_from_camera});
     // Landmarks that only this keyframe saw go along with it.
-    const Keyframe& keyframe = *map_.Find(keyframe_ids[i]);
+    Keyframe keyframe = *map_.Find(keyframe_ids[i]);
+    keyframe.map_from_camera = bundle.camera_from_map[i].Inverse();
+    edit.moved_keyframes.push_back({keyframe.id, keyframe.map_from_camera});
     for (const auto& link : map_.LandmarksOf(keyframe_ids[i])) {
       if (!link || map_.Find(*link)->observations.size() > 1) continue;
       const Feature& feature = (*keyframe.features)[map_.Find(*link)->observations.front().feature_idx];
-      if (!feature.has_disparity()) continue;
-      edit.moved_landmarks.push_back(
-          {*link, map_from_camera * rig_.Triangulate({feature.x_px, feature.y_px}, feature.disparity_px)});
+      if (feature.disparity_px < options_.min_new_disparity_px) continue;
+      edit.moved_landmarks.push_back({*link, Triangulate(keyframe, feature)});
     }
   }
   return edit;

@@ -17,7 +17,7 @@ namespace {
 
 using FrameOrError = absl::StatusOr<std::optional<StereoFrame>>;
 
-/// Where the tracker hands keyframes in and finds the newest snapshot, on one thread or two.
+/// Where the tracker hands keyframes in and finds the newest local map, on one thread or two.
 class MappingStage {
  public:
   MappingStage(LocalMapper mapper, bool sequential)
@@ -35,11 +35,11 @@ class MappingStage {
     }
     queue_.Push(std::move(keyframe));
   }
-  std::shared_ptr<const MapSnapshot> snapshot() const {
+  std::shared_ptr<const LocalMap> local_map() const {
     const std::lock_guard lock(mutex_);
-    return snapshot_;
+    return local_map_;
   }
-  /// False while the snapshot does not hold all keyframes yet.
+  /// False while the local map does not hold all keyframes yet.
   bool IsUpToDate() const {
     const std::lock_guard lock(mutex_);
     return published_ == inserted_;
@@ -54,9 +54,9 @@ class MappingStage {
  private:
   static constexpr size_t kQueueLength = 2;
 
-  void Publish(std::shared_ptr<const MapSnapshot> snapshot) {
+  void Publish(std::shared_ptr<const LocalMap> local_map) {
     const std::lock_guard lock(mutex_);
-    snapshot_ = std::move(snapshot);
+    local_map_ = std::move(local_map);
     ++published_;
   }
 
@@ -64,7 +64,7 @@ class MappingStage {
   const bool sequential_;
   BoundedQueue<NewKeyframe> queue_;
   mutable std::mutex mutex_;
-  std::shared_ptr<const MapSnapshot> snapshot_;
+  std::shared_ptr<const LocalMap> local_map_;
   size_t published_ = 0;
   size_t inserted_ = 0;
   std::thread thread_;
@@ -138,7 +138,7 @@ absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id, cons
                                      const MapProgress& progress) {
   MappedDrive result;
   ReadingStage reading(source, options.sequential);
-  Tracker tracker(source.rig(), options.tracker);
+  Tracker tracker(options.tracker);
   MappingStage mapping(LocalMapper(source.rig(), drive_id, options.mapper), options.sequential);
   std::vector<TrackedFrame> frames;
   std::vector<Timestamp> timestamps;
@@ -160,8 +160,8 @@ absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id, cons
         auto features = std::make_shared<const std::vector<Feature>>(
             ExtractStereoFeatures(frame.left, frame.right, source.rig(), options.front_end, &times));
         const Stopwatch tracking_watch;
-        const auto snapshot = mapping.snapshot();
-        tracked = tracker.Track(frame.timestamp, *features, snapshot.get());
+        const auto local_map = mapping.local_map();
+        tracked = tracker.Track(frame.timestamp, *features, local_map.get());
         result.stage_ms["track"] += tracking_watch.ElapsedMs();
         result.frame_ms.push_back(watch.ElapsedMs());
         result.stage_ms["pyramid"] += times.pyramid_ms;
@@ -192,6 +192,7 @@ absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id, cons
         frames.empty() ? "there is none" : frames.front().lost_because));
   }
   result.map = mapper.map();
+  result.rig = mapper.rig();
   result.trajectory = FinalTrajectory(result.map, frames, timestamps);
   result.stage_ms["read"] = reading.read_ms();
   for (const auto& [step, ms] : mapper.step_ms()) result.stage_ms["map_" + step] = ms;

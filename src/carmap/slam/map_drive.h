@@ -34,6 +34,7 @@ struct LostFrame {
 
 struct MappedDrive {
   Map map;
+  StereoRig rig;          ///< the source's, with the disparity bias found on the way
   Trajectory trajectory;  ///< in the map's frame, one entry a frame, after all adjustments
   std::vector<LostFrame> lost_frames;
   std::vector<double> frame_ms;            ///< from images in memory to the frame's pose

@@ -5,15 +5,10 @@
 #include <algorithm>
 #include <numeric>
 
+#include "carmap/localize/motion_model.h"
+
 namespace carmap {
 namespace {
-
-/// The motion continued at the same speed for `factor` times as long.
-Rigid3 Extrapolate(const Rigid3& motion, double factor) {
-  const Eigen::AngleAxisd turn(motion.rotation);
-  return {Eigen::Quaterniond(Eigen::AngleAxisd(turn.angle() * factor, turn.axis())),
-          motion.translation * factor};
-}
 
 std::vector<uint32_t> AllLandmarks(const MapSnapshot& map) {
   std::vector<uint32_t> idxs(map.landmarks.size());
@@ -39,16 +34,17 @@ Rigid3 Tracker::Predict(Timestamp timestamp, const MapSnapshot& map) const {
   return Extrapolate(last_->this_from_previous, elapsed_s / last_->interval_s) * last_from_map;
 }
 
-std::optional<TrackedPose> Tracker::FindPose(const FeatureGrid& grid, const MapSnapshot& map,
+std::optional<TrackedPose> Tracker::FindPose(const FeatureGrid& grid, const LocalMap& local,
                                              const Rigid3& predicted_camera_from_map) const {
+  const auto& [map, rig] = local;
   const std::vector<uint32_t> landmark_idxs = AllLandmarks(map);
   TrackingOptions tracking = options_.tracking;
-  auto pose = TrackByProjection(map, landmark_idxs, grid, rig_, predicted_camera_from_map, tracking);
+  auto pose = TrackByProjection(map, landmark_idxs, grid, rig, predicted_camera_from_map, tracking);
   if (pose) return pose;
   tracking.first_radius_px *= 4;
-  pose = TrackByProjection(map, landmark_idxs, grid, rig_, predicted_camera_from_map, tracking);
+  pose = TrackByProjection(map, landmark_idxs, grid, rig, predicted_camera_from_map, tracking);
   if (pose) return pose;
-  return TrackByAppearance(map, landmark_idxs, grid, rig_, options_.tracking, /*seed=*/1);
+  return TrackByAppearance(map, landmark_idxs, grid, rig, options_.tracking, /*seed=*/1);
 }
 
 bool Tracker::WantsKeyframe(const TrackedFrame& frame, const MapSnapshot& map) const {
@@ -62,9 +58,9 @@ bool Tracker::WantsKeyframe(const TrackedFrame& frame, const MapSnapshot& map) c
 }
 
 TrackedFrame Tracker::Track(Timestamp timestamp, const std::vector<Feature>& features,
-                            const MapSnapshot* map) {
+                            const LocalMap* local) {
   TrackedFrame frame;
-  if (!map) {
+  if (!local) {
     const auto with_depth = std::count_if(features.begin(), features.end(),
                                           [](const Feature& feature) { return feature.has_disparity(); });
     frame.wants_keyframe = with_depth >= options_.min_first_features;
@@ -75,30 +71,31 @@ TrackedFrame Tracker::Track(Timestamp timestamp, const std::vector<Feature>& fea
     return frame;
   }
 
-  const FeatureGrid grid(features, rig_.camera.width, rig_.camera.height);
-  const auto pose = FindPose(grid, *map, Predict(timestamp, *map));
+  const MapSnapshot& map = local->snapshot;
+  const FeatureGrid grid(features, local->rig.camera.width, local->rig.camera.height);
+  const auto pose = FindPose(grid, *local, Predict(timestamp, map));
   if (!pose) {
     frame.lost_because = features.size() < 50
                              ? fmt::format("only {} features in the image", features.size())
                              : "its features do not agree with the map so far";
     return frame;
   }
-  const SnapshotKeyframe& newest = map->keyframes.back();
+  const SnapshotKeyframe& newest = map.keyframes.back();
   frame.map_from_camera = pose->camera_from_map.Inverse();
   frame.reference = newest.id;
   frame.camera_from_reference = pose->camera_from_map * newest.map_from_camera;
   for (const LandmarkMatch& match : pose->inliers) {
-    frame.landmark_of_feature.emplace_back(map->landmarks[match.landmark_idx].id, match.feature_idx);
+    frame.landmark_of_feature.emplace_back(map.landmarks[match.landmark_idx].id, match.feature_idx);
   }
 
   if (newest_keyframe_ != newest.id) {
     newest_keyframe_ = newest.id;
     tracked_after_keyframe_ = frame.landmark_of_feature.size();
   }
-  frame.wants_keyframe = WantsKeyframe(frame, *map);
+  frame.wants_keyframe = WantsKeyframe(frame, map);
 
   LastPose last{timestamp, newest.id, frame.camera_from_reference, {}, 0};
-  const SnapshotKeyframe* reference = last_ ? Find(*map, last_->reference) : nullptr;
+  const SnapshotKeyframe* reference = last_ ? Find(map, last_->reference) : nullptr;
   if (reference) {
     const Rigid3 previous_from_map = last_->camera_from_reference * reference->map_from_camera.Inverse();
     last.this_from_previous = pose->camera_from_map * previous_from_map.Inverse();

@@ -15,13 +15,14 @@
 #include "carmap/geometry/rigid3.h"
 #include "carmap/localize/frame_tracking.h"
 #include "carmap/map/map_snapshot.h"
+#include "carmap/slam/local_mapper.h"
 
 namespace carmap {
 
 struct TrackerOptions {
   TrackingOptions tracking;
   int min_first_features = 100;        ///< with depth, to begin a map
-  double max_keyframe_distance_m = 2.5;  ///< a keyframe at least this often while moving
+  double max_keyframe_distance_m = 1.8;  ///< a keyframe at least this often while moving
   double max_keyframe_turn_rad = 0.12;
   double min_tracked_ratio = 0.7;      ///< of the landmarks tracked after the last keyframe
   int min_tracked = 120;               ///< fewer call for a keyframe at once
@@ -41,19 +42,18 @@ struct TrackedFrame {
 
 class Tracker {
  public:
-  Tracker(const StereoRig& rig, const TrackerOptions& options) : rig_(rig), options_(options) {}
+  explicit Tracker(const TrackerOptions& options) : options_(options) {}
 
-  /// `map` is the mapper's latest snapshot: the newest keyframe is its last; null before the first.
+  /// `local` is the mapper's latest: the newest keyframe is its last; null before the first.
   /// A frame without a map wants to become the first keyframe if it has features enough.
-  TrackedFrame Track(Timestamp timestamp, const std::vector<Feature>& features, const MapSnapshot* map);
+  TrackedFrame Track(Timestamp timestamp, const std::vector<Feature>& features, const LocalMap* local);
 
  private:
-  std::optional<TrackedPose> FindPose(const FeatureGrid& grid, const MapSnapshot& map,
+  std::optional<TrackedPose> FindPose(const FeatureGrid& grid, const LocalMap& local,
                                       const Rigid3& predicted_camera_from_map) const;
   Rigid3 Predict(Timestamp timestamp, const MapSnapshot& map) const;
   bool WantsKeyframe(const TrackedFrame& frame, const MapSnapshot& map) const;
 
-  const StereoRig rig_;
   const TrackerOptions options_;
 
   /// The last frame with a pose, relative to a keyframe so that it follows when that is adjusted.

@@ -141,7 +141,7 @@ TEST(AlignTrajectoriesTest, OnACurveThePositionsDominate) {
   std::vector<Rigid3> b = a;
   const Eigen::Quaterniond mounting = RotationExp({0.1, 0, 0.1});
   for (Rigid3& pose : b) pose.rotation = (pose.rotation * mounting).normalized();
-  EXPECT_LT(Error(AlignTrajectories(a, b).value(), Rigid3()), 0.002);
+  EXPECT_LT(Error(AlignTrajectories(a, b).value(), Rigid3()), 0.005);
 }
 
 TEST(AlignTrajectoriesTest, StandingStillTheOrientationsDecide) {

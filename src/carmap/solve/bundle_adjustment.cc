@@ -28,12 +28,14 @@ using CrossBlock = Eigen::Matrix<double, 6, 3>;
 struct State {
   std::vector<Rigid3> camera_from_map;
   std::vector<Eigen::Vector3d> points_in_map;
+  Eigen::Vector3d disparity_bias_px;
 };
 
 struct Projection {
   uint32_t pose_idx = 0;
   int free_idx = kFixed;
   WhitenedMeasurement measurement;
+  Eigen::Vector3d bias_basis;  ///< 1, x, x² of DisparityBias
 };
 
 void CheckIndices(const Bundle& bundle) {
@@ -77,7 +79,8 @@ void SubtractProduct(const CrossBlock& row, const CrossBlock& column, Matrix6d& 
 class BundleAdjuster {
  public:
   explicit BundleAdjuster(Bundle& bundle)
-      : bundle_(bundle), state_{bundle.camera_from_map, bundle.points_in_map} {
+      : bundle_(bundle),
+        state_{bundle.camera_from_map, bundle.points_in_map, bundle.rig.disparity_bias.coefficients_px} {
     free_idx_.reserve(bundle.camera_from_map.size());
     for (const bool is_fixed : bundle.pose_is_fixed) {
       free_idx_.push_back(is_fixed ? kFixed : free_count_++);
@@ -90,6 +93,9 @@ class BundleAdjuster {
 
   BundleSummary Run(const BundleOptions& options) {
     BundleSummary summary;
+    estimates_bias_ = options.estimate_disparity_bias;
+    bias_information_ = 1 / (options.bias_step_sigma_px * options.bias_step_sigma_px);
+    max_bias_px_ = options.max_bias_px;
     summary.is_outlier.assign(bundle_.observations.size(), false);
     GroupByPoint(summary.is_outlier);
     summary.initial_cost = Cost(state_);
@@ -104,10 +110,16 @@ class BundleAdjuster {
     summary.final_cost = Cost(state_);
     bundle_.camera_from_map = std::move(state_.camera_from_map);
     bundle_.points_in_map = std::move(state_.points_in_map);
+    bundle_.rig.disparity_bias.coefficients_px = state_.disparity_bias_px;
     return summary;
   }
 
  private:
+  struct Eliminated {
+    int free_idx;      ///< block of the reduced system
+    CrossBlock block;  ///< W L^-T
+  };
+
   /// Levenberg-Marquardt; returns the number of linear systems solved.
   int Minimize(int max_iterations, const BundleOptions& options) {
     double lambda = kInitialLambda;
@@ -157,7 +169,7 @@ class BundleAdjuster {
     projections_.reserve(order.size());
     for (const uint32_t i : order) {
       const uint32_t pose_idx = observations[i].pose_idx;
-      projections_.push_back({pose_idx, free_idx_[pose_idx], whitened_[i]});
+      projections_.push_back({pose_idx, free_idx_[pose_idx], whitened_[i], BiasBasis(observations[i])});
     }
   }
 
@@ -166,19 +178,20 @@ class BundleAdjuster {
       const BundleObservation& o = bundle_.observations[i];
       const Eigen::Vector3d p =
           state_.camera_from_map[o.pose_idx] * state_.points_in_map[o.point_idx];
-      is_outlier[i] = !IsInlier(bundle_.rig, whitened_[i], p);
+      is_outlier[i] = !IsInlier(bundle_.rig, WithoutBias(whitened_[i], BiasBasis(o), state_), p);
     }
   }
 
   double Cost(const State& state) {
     UpdateRotations(state);
-    double cost = 0;
+    double cost = bias_information_ / 2 * BiasChange(state).squaredNorm();
     Eigen::Vector3d error;
     for (size_t j = 0; j < state.points_in_map.size(); ++j) {
       for (uint32_t k = point_begin_[j]; k < point_begin_[j + 1]; ++k) {
         const Projection& projection = projections_[k];
-        const bool visible = WhitenedError(bundle_.rig, projection.measurement,
-                                           InCamera(state, projection.pose_idx, j), error);
+        const bool visible =
+            WhitenedError(bundle_.rig, WithoutBias(projection.measurement, projection.bias_basis, state),
+                          InCamera(state, projection.pose_idx, j), error);
         cost += HuberCost(visible ? error.squaredNorm() : kInvisibleChiSquare,
                           projection.measurement.chi_square_bound);
       }
@@ -192,7 +205,12 @@ class BundleAdjuster {
     pose_normals_.assign(free_count_, PoseNormal());
     point_normals_.assign(state_.points_in_map.size(), PointNormal());
     cross_blocks_.resize(projections_.size());
-    double cost = 0;
+    bias_normal_ = PoseNormal();
+    bias_normal_.hessian.diagonal() << bias_information_, bias_information_, bias_information_, 1, 1, 1;
+    bias_normal_.gradient.head<3>() = bias_information_ * BiasChange(state_);
+    bias_pose_blocks_.assign(free_count_, Matrix6d::Zero());
+    bias_point_blocks_.assign(state_.points_in_map.size(), CrossBlock::Zero());
+    double cost = bias_information_ / 2 * BiasChange(state_).squaredNorm();
     for (size_t j = 0; j < state_.points_in_map.size(); ++j) {
       for (uint32_t k = point_begin_[j]; k < point_begin_[j + 1]; ++k) {
         cost += LinearizeProjection(j, k);
@@ -206,13 +224,15 @@ class BundleAdjuster {
     const double bound = projection.measurement.chi_square_bound;
     const Eigen::Vector3d p = InCamera(state_, projection.pose_idx, point_idx);
     Eigen::Vector3d error;
-    if (!WhitenedError(bundle_.rig, projection.measurement, p, error)) {
+    const WhitenedMeasurement measurement =
+        WithoutBias(projection.measurement, projection.bias_basis, state_);
+    if (!WhitenedError(bundle_.rig, measurement, p, error)) {
       cross_blocks_[k].setZero();
       return HuberCost(kInvisibleChiSquare, bound);
     }
     const double chi_square = error.squaredNorm();
-    const PointTerm term = MakePointTerm(bundle_.rig, projection.measurement, p, error,
-                                         HuberWeight(chi_square, bound));
+    const double weight = HuberWeight(chi_square, bound);
+    const PointTerm term = MakePointTerm(bundle_.rig, measurement, p, error, weight);
     const Eigen::Matrix3d& rotation = rotations_[projection.pose_idx];
     const Eigen::Matrix3d camera_by_map = term.hessian.lazyProduct(rotation);
     PointNormal& point = point_normals_[point_idx];
@@ -223,7 +243,28 @@ class BundleAdjuster {
       cross_blocks_[k].topRows<3>() = camera_by_map;
       cross_blocks_[k].bottomRows<3>() = CrossColumns(p, camera_by_map);
     }
+    if (estimates_bias_) LinearizeBias(point_idx, projection, measurement, p, weight, error.z());
     return HuberCost(chi_square, bound);
+  }
+
+  /// The bias enters the disparity's error alone, which moves with the point's depth alone.
+  void LinearizeBias(size_t point_idx, const Projection& projection,
+                     const WhitenedMeasurement& measurement, const Eigen::Vector3d& p, double weight,
+                     double error) {
+    const double inverse_sigma = measurement.inverse_sigma.z();
+    if (inverse_sigma == 0) return;
+    const Eigen::Vector3d basis = inverse_sigma * projection.bias_basis;
+    bias_normal_.hessian.topLeftCorner<3, 3>() += weight * basis * basis.transpose();
+    bias_normal_.gradient.head<3>() += weight * error * basis;
+    const double by_depth =
+        -weight * inverse_sigma * bundle_.rig.camera.fx * bundle_.rig.baseline_m / (p.z() * p.z());
+    bias_point_blocks_[point_idx].topRows<3>() +=
+        by_depth * basis * rotations_[projection.pose_idx].row(2);
+    if (projection.free_idx != kFixed) {
+      Eigen::Matrix<double, 1, 6> depth_by_pose;
+      depth_by_pose << 0, 0, 1, p.y(), -p.x(), 0;
+      bias_pose_blocks_[projection.free_idx].topRows<3>() += by_depth * basis * depth_by_pose;
+    }
   }
 
   /// The damped step from state_ to trial_: eliminate the points, solve for the poses, then each
@@ -231,8 +272,13 @@ class BundleAdjuster {
   bool SolveDamped(double lambda) {
     FactorPoints(lambda);
     BuildReducedSystem(lambda);
-    if (free_count_ > 0 && !SolveReducedSystem()) return false;
+    if (block_count() > 0 && !SolveReducedSystem()) return false;
     trial_ = state_;
+    if (estimates_bias_) {
+      trial_.disparity_bias_px = (state_.disparity_bias_px + pose_step_.segment<3>(6 * free_count_))
+                                     .cwiseMax(-max_bias_px_)
+                                     .cwiseMin(max_bias_px_);
+    }
     for (size_t i = 0; i < free_idx_.size(); ++i) {
       if (free_idx_[i] == kFixed) continue;
       trial_.camera_from_map[i] =
@@ -260,14 +306,21 @@ class BundleAdjuster {
   /// S = U - W V^-1 W^T and its right side, from the factors W L^-T, whose products give W V^-1
   /// W^T.
   void BuildReducedSystem(double lambda) {
-    const size_t free_count = free_count_;
-    reduced_blocks_.assign(free_count * (free_count + 1) / 2, Matrix6d::Zero());
-    pose_step_.resize(6 * free_count_);
-    for (size_t i = 0; i < free_count; ++i) {
+    const size_t blocks = block_count();
+    reduced_blocks_.assign(blocks * (blocks + 1) / 2, Matrix6d::Zero());
+    pose_step_.resize(6 * static_cast<Eigen::Index>(blocks));
+    for (size_t i = 0; i < static_cast<size_t>(free_count_); ++i) {
       Matrix6d& diagonal = ReducedBlock(i, i);
       diagonal = pose_normals_[i].hessian;
       DampDiagonal(lambda, diagonal);
       pose_step_.segment<6>(6 * i) = -pose_normals_[i].gradient;
+    }
+    if (estimates_bias_) {
+      for (int i = 0; i < free_count_; ++i) ReducedBlock(free_count_, i) = bias_pose_blocks_[i];
+      Matrix6d& diagonal = ReducedBlock(free_count_, free_count_);
+      diagonal = bias_normal_.hessian;
+      DampDiagonal(lambda, diagonal);
+      pose_step_.segment<6>(6 * free_count_) = -bias_normal_.gradient;
     }
     for (size_t j = 0; j < point_normals_.size(); ++j) {
       if (IsMovable(j)) EliminatePoint(j);
@@ -282,23 +335,31 @@ class BundleAdjuster {
     eliminated_.clear();
     for (uint32_t k = point_begin_[point_idx]; k < point_begin_[point_idx + 1]; ++k) {
       const int free_idx = projections_[k].free_idx;
-      if (free_idx == kFixed) continue;
-      eliminated_.push_back({free_idx, cross_blocks_[k].lazyProduct(inverse_factor.transpose())});
-      const Eliminated& row = eliminated_.back();
-      pose_step_.segment<6>(6 * free_idx) += row.block.lazyProduct(gradient);
-      for (const Eliminated& column : eliminated_) {
-        Matrix6d& target = ReducedBlock(row.free_idx, column.free_idx);
-        SubtractProduct(row.block, column.block, target);
-        if (&row != &column && row.free_idx == column.free_idx) {
-          SubtractProduct(column.block, row.block, target);
-        }
+      if (free_idx != kFixed) EliminateBlock({free_idx, cross_blocks_[k].lazyProduct(inverse_factor.transpose())}, gradient);
+    }
+    if (estimates_bias_) {
+      EliminateBlock({free_count_, bias_point_blocks_[point_idx].lazyProduct(inverse_factor.transpose())},
+                     gradient);
+    }
+  }
+
+  void EliminateBlock(const Eliminated& added, const Eigen::Vector3d& gradient) {
+    eliminated_.push_back(added);
+    const Eliminated& row = eliminated_.back();
+    pose_step_.segment<6>(6 * row.free_idx) += row.block.lazyProduct(gradient);
+    for (const Eliminated& column : eliminated_) {
+      Matrix6d& target = ReducedBlock(row.free_idx, column.free_idx);
+      SubtractProduct(row.block, column.block, target);
+      if (&row != &column && row.free_idx == column.free_idx) {
+        SubtractProduct(column.block, row.block, target);
       }
     }
   }
 
   bool SolveReducedSystem() {
-    Eigen::MatrixXd reduced(6 * free_count_, 6 * free_count_);
-    for (int row = 0; row < free_count_; ++row) {
+    const int blocks = block_count();
+    Eigen::MatrixXd reduced(6 * blocks, 6 * blocks);
+    for (int row = 0; row < blocks; ++row) {
       for (int column = 0; column <= row; ++column) {
         reduced.block<6, 6>(6 * row, 6 * column) = ReducedBlock(row, column);
       }
@@ -321,6 +382,9 @@ class BundleAdjuster {
         if (free_idx == kFixed) continue;
         gradient += cross_blocks_[k].transpose() * pose_step_.segment<6>(6 * free_idx);
       }
+      if (estimates_bias_) {
+        gradient += bias_point_blocks_[j].transpose() * pose_step_.segment<6>(6 * free_count_);
+      }
       trial_.points_in_map[j] -= point_factors_[j].solve(gradient);
     }
   }
@@ -338,14 +402,26 @@ class BundleAdjuster {
            state.camera_from_map[pose_idx].translation;
   }
 
+  /// (1, x, x²) of DisparityBias at the observation.
+  Eigen::Vector3d BiasBasis(const BundleObservation& o) const {
+    const double x = (o.px.x() - bundle_.rig.camera.cx) / bundle_.rig.camera.fx;
+    return {1, x, x * x};
+  }
+  static WhitenedMeasurement WithoutBias(WhitenedMeasurement measurement, const Eigen::Vector3d& basis,
+                                         const State& state) {
+    measurement.uvd.z() -= basis.dot(state.disparity_bias_px);
+    return measurement;
+  }
+  Eigen::Vector3d BiasChange(const State& state) const {
+    return state.disparity_bias_px - bundle_.rig.disparity_bias.coefficients_px;
+  }
+
+  /// Blocks of the reduced system: the free poses, then the disparity bias if it is estimated.
+  int block_count() const { return free_count_ + (estimates_bias_ ? 1 : 0); }
+
   Matrix6d& ReducedBlock(size_t row, size_t column) {
     return reduced_blocks_[row * (row + 1) / 2 + column];
   }
-
-  struct Eliminated {
-    int free_idx;
-    CrossBlock block;  ///< W L^-T
-  };
 
   Bundle& bundle_;
   State state_, trial_;
@@ -355,6 +431,13 @@ class BundleAdjuster {
 
   std::vector<Projection> projections_;  ///< the observations that count
   std::vector<uint32_t> point_begin_;    ///< into projections_
+
+  bool estimates_bias_ = false;
+  double bias_information_ = 0, max_bias_px_ = 0;
+  PoseNormal bias_normal_;                      ///< its first three rows count
+  std::vector<Matrix6d> bias_pose_blocks_;      ///< Hessian between the bias and a free pose
+  std::vector<CrossBlock> bias_point_blocks_;   ///< Hessian between the bias and a point
+
   std::vector<Eigen::Matrix3d> rotations_;
 
   std::vector<PoseNormal> pose_normals_;

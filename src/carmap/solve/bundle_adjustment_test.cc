@@ -57,8 +57,9 @@ TEST(BundleAdjustmentTest, IsAccurateWithNoiseAndAThirdOfOutliers) {
     EXPECT_LT(WorstPoseError(bundle, truth), before / 2);
     const auto outliers = std::count(summary.is_outlier.begin(), summary.is_outlier.end(), true);
     const double share = static_cast<double>(outliers) / summary.is_outlier.size();
-    EXPECT_GT(share, 0.25);
-    EXPECT_LT(share, 0.40);
+    // The wrong 30 %, 5 % of the others, and others at points of which most observations are wrong.
+    EXPECT_GT(share, 0.30);
+    EXPECT_LT(share, 0.45);
   }
 }
 

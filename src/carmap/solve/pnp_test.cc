@@ -14,7 +14,7 @@ TEST(PnpTest, RecoversThePoseExactlyWithoutNoise) {
     TestRandom random(seed);
     const Rigid3 truth = random.Pose(100, 2);
     const auto measurements = MeasureScene(truth, 50, {}, random);
-    const auto estimate = SolvePnpRansac(kTestRig, {}, measurements);
+    const auto estimate = SolvePnpRansac(kTestRig, kTestNoise, measurements);
     ASSERT_TRUE(estimate.has_value());
     EXPECT_LT(DistanceBetween(estimate->camera_from_map, truth), 1e-7);
     EXPECT_LT(RotationBetween(estimate->camera_from_map, truth), 1e-8);
@@ -27,7 +27,7 @@ TEST(PnpTest, FindsThePoseAmongManyOutliers) {
     TestRandom random(seed);
     const Rigid3 truth = random.Pose(100, 2);
     const auto measurements = MeasureScene(truth, 200, {1, 0.7, 0.6}, random);
-    const auto estimate = SolvePnpRansac(kTestRig, {}, measurements);
+    const auto estimate = SolvePnpRansac(kTestRig, kTestNoise, measurements);
     ASSERT_TRUE(estimate.has_value());
     EXPECT_LT(DistanceBetween(estimate->camera_from_map, truth), 0.1);
     EXPECT_LT(RotationBetween(estimate->camera_from_map, truth), 0.003);
@@ -40,7 +40,7 @@ TEST(PnpTest, WorksWithoutDisparities) {
   TestRandom random(1);
   const Rigid3 truth = random.Pose(100, 2);
   const auto measurements = MeasureScene(truth, 60, {0, 0, 0.3, 1}, random);
-  const auto estimate = SolvePnpRansac(kTestRig, {}, measurements);
+  const auto estimate = SolvePnpRansac(kTestRig, kTestNoise, measurements);
   ASSERT_TRUE(estimate.has_value());
   EXPECT_LT(DistanceBetween(estimate->camera_from_map, truth), 1e-6);
 }
@@ -50,44 +50,46 @@ TEST(PnpTest, DisparityTellsTwinsApart) {
   TestRandom random(1);
   auto measurements = MeasureScene(Rigid3(), 60, {0, 0, 0, 0}, random);
   for (PoseMeasurement& m : measurements) m.position_in_map *= 1.5;
-  EXPECT_FALSE(SolvePnpRansac(kTestRig, {}, measurements).has_value());
+  EXPECT_FALSE(SolvePnpRansac(kTestRig, kTestNoise, measurements).has_value());
   for (PoseMeasurement& m : measurements) m.disparity_px = -1;
-  EXPECT_TRUE(SolvePnpRansac(kTestRig, {}, measurements).has_value());
+  EXPECT_TRUE(SolvePnpRansac(kTestRig, kTestNoise, measurements).has_value());
 }
 
 TEST(PnpTest, NothingWithoutEnoughInliers) {
   TestRandom random(1);
   for (const int count : {0, 1, 2, 3, 11}) {
     const auto measurements = MeasureScene(Rigid3(), count, {}, random);
-    EXPECT_FALSE(SolvePnpRansac(kTestRig, {}, measurements).has_value()) << count;
+    EXPECT_FALSE(SolvePnpRansac(kTestRig, kTestNoise, measurements).has_value()) << count;
   }
-  EXPECT_TRUE(SolvePnpRansac(kTestRig, {}, MeasureScene(Rigid3(), 12, {}, random)).has_value());
+  EXPECT_TRUE(
+      SolvePnpRansac(kTestRig, kTestNoise, MeasureScene(Rigid3(), 12, {}, random)).has_value());
   auto unrelated = MeasureScene(Rigid3(), 100, {}, random);
   for (PoseMeasurement& m : unrelated) m.position_in_map = random.PointInCamera();
-  EXPECT_FALSE(SolvePnpRansac(kTestRig, {}, unrelated).has_value());
+  EXPECT_FALSE(SolvePnpRansac(kTestRig, kTestNoise, unrelated).has_value());
 }
 
 TEST(PnpTest, DegenerateInputGivesNothing) {
   PoseMeasurement same;
   same.position_in_map = {0, 0, 10};
   same.px = {100, 100};
-  EXPECT_FALSE(SolvePnpRansac(kTestRig, {}, std::vector<PoseMeasurement>(30, same)).has_value());
+  EXPECT_FALSE(
+      SolvePnpRansac(kTestRig, kTestNoise, std::vector<PoseMeasurement>(30, same)).has_value());
 
   TestRandom random(1);
   auto behind = MeasureScene(Rigid3(), 30, {0, 0, 0, 0}, random);
   for (PoseMeasurement& m : behind) m.disparity_px = std::numeric_limits<double>::infinity();
-  EXPECT_FALSE(SolvePnpRansac(kTestRig, {}, behind).has_value());
+  EXPECT_FALSE(SolvePnpRansac(kTestRig, kTestNoise, behind).has_value());
 
   auto not_finite = MeasureScene(Rigid3(), 30, {}, random);
   for (PoseMeasurement& m : not_finite) m.px.x() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_FALSE(SolvePnpRansac(kTestRig, {}, not_finite).has_value());
+  EXPECT_FALSE(SolvePnpRansac(kTestRig, kTestNoise, not_finite).has_value());
 }
 
 TEST(PnpTest, TheSeedDecidesTheBits) {
   TestRandom random(1);
   const auto measurements = MeasureScene(random.Pose(10, 1), 200, {1, 0.7, 0.5}, random);
-  const auto first = SolvePnpRansac(kTestRig, {}, measurements, {.seed = 5});
-  const auto second = SolvePnpRansac(kTestRig, {}, measurements, {.seed = 5});
+  const auto first = SolvePnpRansac(kTestRig, kTestNoise, measurements, {.seed = 5});
+  const auto second = SolvePnpRansac(kTestRig, kTestNoise, measurements, {.seed = 5});
   ASSERT_TRUE(first.has_value() && second.has_value());
   EXPECT_TRUE(SameBits(first->camera_from_map, second->camera_from_map));
   EXPECT_EQ(first->is_inlier, second->is_inlier);

@@ -16,7 +16,7 @@ TEST(PoseRefinementTest, RecoversThePoseExactlyWithoutNoise) {
     const Rigid3 truth = random.Pose(5, 0.5);
     const auto measurements = MeasureScene(truth, 100, {}, random);
     const Rigid3 initial = Perturb(truth, random.Tangent(0.3, 0.03));
-    const PoseEstimate estimate = RefinePose(kTestRig, {}, measurements, initial);
+    const PoseEstimate estimate = RefinePose(kTestRig, kTestNoise, measurements, initial);
     EXPECT_LT(DistanceBetween(estimate.camera_from_map, truth), 1e-8);
     EXPECT_LT(RotationBetween(estimate.camera_from_map, truth), 1e-9);
     EXPECT_EQ(estimate.inlier_count, 100);
@@ -29,7 +29,7 @@ TEST(PoseRefinementTest, IsAccurateWithNoiseAndAThirdOfOutliers) {
     const Rigid3 truth = random.Pose(5, 0.5);
     const auto measurements = MeasureScene(truth, 400, {1, 0.7, 0.3}, random);
     const Rigid3 initial = Perturb(truth, random.Tangent(0.2, 0.01));
-    const PoseEstimate estimate = RefinePose(kTestRig, {1, 0.7}, measurements, initial);
+    const PoseEstimate estimate = RefinePose(kTestRig, kTestNoise, measurements, initial);
     EXPECT_LT(DistanceBetween(estimate.camera_from_map, truth), 0.04);
     EXPECT_LT(RotationBetween(estimate.camera_from_map, truth), 0.001);
     EXPECT_NEAR(estimate.inlier_count, 400 * 0.7 * 0.95, 30);
@@ -45,7 +45,7 @@ TEST(PoseRefinementTest, NamesTheOutliers) {
   const Eigen::Vector3d behind = -(truth * measurements[33].position_in_map);
   measurements[33].position_in_map = truth.Inverse() * behind;
   const PoseEstimate estimate =
-      RefinePose(kTestRig, {}, measurements, Perturb(truth, random.Tangent(0.1, 0.01)));
+      RefinePose(kTestRig, kTestNoise, measurements, Perturb(truth, random.Tangent(0.1, 0.01)));
   EXPECT_EQ(estimate.inlier_count, 57);
   for (const size_t i : {7, 21, 33}) EXPECT_FALSE(estimate.is_inlier[i]) << i;
   EXPECT_LT(DistanceBetween(estimate.camera_from_map, truth), 1e-8);
@@ -61,8 +61,8 @@ TEST(PoseRefinementTest, CovarianceTellsTheScatterOfTheEstimates) {
     const PoseEstimate estimate = RefinePose(kTestRig, {0.7, 0.5}, measurements, truth);
     const Rigid3 turn = estimate.camera_from_map * truth.Inverse();
     Vector6d error;
-    error << estimate.camera_from_map.translation - turn.rotation * truth.translation,
-        2 * turn.rotation.vec() * (turn.rotation.w() < 0 ? -1 : 1);
+    error.head<3>() = estimate.camera_from_map.translation - turn.rotation * truth.translation;
+    error.tail<3>() = 2 * turn.rotation.vec() * (turn.rotation.w() < 0 ? -1 : 1);
     scatter += error * error.transpose() / kTrials;
     predicted += estimate.covariance / kTrials;
   }
@@ -77,7 +77,7 @@ TEST(PoseRefinementTest, StereoAloneGivesTheScale) {
   auto measurements = MeasureScene(truth, 50, {0, 0, 0, 0}, random);
   for (PoseMeasurement& m : measurements) m.position_in_map = truth * m.position_in_map;
   const PoseEstimate estimate =
-      RefinePose(kTestRig, {}, measurements, Perturb(Rigid3(), random.Tangent(0.2, 0.02)));
+      RefinePose(kTestRig, kTestNoise, measurements, Perturb(Rigid3(), random.Tangent(0.2, 0.02)));
   EXPECT_LT(estimate.camera_from_map.translation.norm(), 1e-8);
 }
 
@@ -86,7 +86,7 @@ TEST(PoseRefinementTest, TooFewMeasurementsGiveTheInitialPose) {
   const Rigid3 truth = random.Pose(5, 0.5), initial = Perturb(truth, random.Tangent(0.1, 0.01));
   for (const int count : {0, 1, 2}) {
     const auto measurements = MeasureScene(truth, count, {}, random);
-    const PoseEstimate estimate = RefinePose(kTestRig, {}, measurements, initial);
+    const PoseEstimate estimate = RefinePose(kTestRig, kTestNoise, measurements, initial);
     EXPECT_TRUE(SameBits(estimate.camera_from_map, initial));
     EXPECT_EQ(estimate.inlier_count, 0);
     EXPECT_EQ(estimate.is_inlier, std::vector<bool>(count, false));
@@ -98,7 +98,7 @@ TEST(PoseRefinementTest, AllBehindTheCameraGivesTheInitialPose) {
   TestRandom random(2);
   auto measurements = MeasureScene(Rigid3(), 50, {}, random);
   for (PoseMeasurement& m : measurements) m.position_in_map *= -1;
-  const PoseEstimate estimate = RefinePose(kTestRig, {}, measurements, Rigid3());
+  const PoseEstimate estimate = RefinePose(kTestRig, kTestNoise, measurements, Rigid3());
   EXPECT_TRUE(SameBits(estimate.camera_from_map, Rigid3()));
   EXPECT_EQ(estimate.inlier_count, 0);
 }
@@ -108,7 +108,7 @@ TEST(PoseRefinementTest, SingularSystemKeepsAFinitePose) {
   same.position_in_map = {0, 0, 10};
   same.px = {607, 185};
   const PoseEstimate estimate =
-      RefinePose(kTestRig, {}, std::vector<PoseMeasurement>(20, same), Rigid3());
+      RefinePose(kTestRig, kTestNoise, std::vector<PoseMeasurement>(20, same), Rigid3());
   EXPECT_TRUE(estimate.camera_from_map.translation.allFinite());
   EXPECT_LT(estimate.camera_from_map.translation.norm(), 1e-6);
   EXPECT_TRUE(estimate.covariance.allFinite());
@@ -122,7 +122,8 @@ TEST(PoseRefinementTest, NumbersThatAreNotFiniteAreOutliers) {
   measurements[1].position_in_map.z() = nan;
   measurements[2].disparity_px = std::numeric_limits<double>::infinity();
   measurements[3].scale = 0;
-  const PoseEstimate estimate = RefinePose(kTestRig, {}, measurements, random.Pose(0.1, 0.01));
+  const PoseEstimate estimate =
+      RefinePose(kTestRig, kTestNoise, measurements, random.Pose(0.1, 0.01));
   EXPECT_EQ(estimate.inlier_count, 46);
   EXPECT_LT(estimate.camera_from_map.translation.norm(), 1e-8);
 }
@@ -131,8 +132,8 @@ TEST(PoseRefinementTest, SameBitsTwice) {
   TestRandom random(6);
   const auto measurements = MeasureScene(Rigid3(), 200, {1, 0.7, 0.3}, random);
   const Rigid3 initial = random.Pose(0.2, 0.01);
-  const PoseEstimate first = RefinePose(kTestRig, {}, measurements, initial);
-  const PoseEstimate second = RefinePose(kTestRig, {}, measurements, initial);
+  const PoseEstimate first = RefinePose(kTestRig, kTestNoise, measurements, initial);
+  const PoseEstimate second = RefinePose(kTestRig, kTestNoise, measurements, initial);
   EXPECT_TRUE(SameBits(first.camera_from_map, second.camera_from_map));
   EXPECT_EQ(first.is_inlier, second.is_inlier);
   EXPECT_EQ(first.covariance, second.covariance);

@@ -12,6 +12,8 @@ namespace carmap {
 
 inline const StereoRig kTestRig{{718, 720, 607, 185, 1226, 370}, 0.54};
 
+inline const MeasurementNoise kTestNoise{.pixel_px = 1, .disparity_px = 0.7};
+
 class TestRandom {
  public:
   explicit TestRandom(uint64_t seed) : generator_(seed) {}
@@ -84,6 +86,7 @@ inline Bundle MakeBundle(int pose_count, int point_count, const TestNoise& noise
                          TestRandom& random) {
   Bundle bundle;
   bundle.rig = kTestRig;
+  bundle.noise = kTestNoise;
   for (int i = 0; i < pose_count; ++i) {
     bundle.camera_from_map.push_back(
         Perturb({Eigen::Quaterniond::Identity(), {0, 0, -1.0 * i}}, random.Tangent(0.05, 0.02)));

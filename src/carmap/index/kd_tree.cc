@@ -1,0 +1,75 @@
+#include "carmap/index/kd_tree.h"
+
+#include <algorithm>
+#include <limits>
+#include <nanoflann.hpp>
+#include <utility>
+
+namespace carmap {
+namespace {
+
+/// How nanoflann reads the points.
+struct Cloud {
+  std::vector<Eigen::Vector3d> points;
+
+  size_t kdtree_get_point_count() const { return points.size(); }
+  double kdtree_get_pt(uint32_t idx, size_t axis) const { return points[idx][axis]; }
+  template <typename Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+
+using Tree = nanoflann::KDTreeSingleIndexAdaptor<
+    nanoflann::L2_Simple_Adaptor<double, Cloud, double, uint32_t>, Cloud, 3, uint32_t>;
+using Hit = std::pair<uint32_t, double>;  ///< point and its squared distance
+
+std::vector<uint32_t> NearestFirst(std::vector<Hit> hits) {
+  std::sort(hits.begin(), hits.end(), [](const Hit& a, const Hit& b) {
+    return std::pair(a.second, a.first) < std::pair(b.second, b.first);
+  });
+  std::vector<uint32_t> idxs;
+  idxs.reserve(hits.size());
+  for (const Hit& hit : hits) idxs.push_back(hit.first);
+  return idxs;
+}
+
+}  // namespace
+
+struct KdTree::Impl {
+  explicit Impl(std::vector<Eigen::Vector3d> points)
+      : cloud{std::move(points)}, tree(3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams(10)) {}
+
+  const Cloud cloud;
+  const Tree tree;
+};
+
+KdTree::KdTree(std::vector<Eigen::Vector3d> points)
+    : impl_(std::make_unique<const Impl>(std::move(points))) {}
+KdTree::~KdTree() = default;
+KdTree::KdTree(KdTree&&) noexcept = default;
+KdTree& KdTree::operator=(KdTree&&) noexcept = default;
+
+const std::vector<Eigen::Vector3d>& KdTree::points() const { return impl_->cloud.points; }
+
+std::vector<uint32_t> KdTree::WithinRadius(const Eigen::Vector3d& center, double radius_m) const {
+  if (size() == 0) return {};
+  std::vector<Hit> hits;
+  // nanoflann finds what is nearer than the bound; points exactly on it count too.
+  const double bound = std::nextafter(radius_m * radius_m, std::numeric_limits<double>::max());
+  impl_->tree.radiusSearch(center.data(), bound, hits, nanoflann::SearchParams(32, 0, false));
+  return NearestFirst(std::move(hits));
+}
+
+std::vector<uint32_t> KdTree::Nearest(const Eigen::Vector3d& center, size_t count) const {
+  count = std::min(count, size());
+  if (count == 0) return {};
+  std::vector<uint32_t> idxs(count);
+  std::vector<double> squared_distances(count);
+  impl_->tree.knnSearch(center.data(), count, idxs.data(), squared_distances.data());
+  std::vector<Hit> hits;
+  for (size_t i = 0; i < count; ++i) hits.emplace_back(idxs[i], squared_distances[i]);
+  return NearestFirst(std::move(hits));
+}
+
+}  // namespace carmap

@@ -1,0 +1,35 @@
+// A k-d tree over points in space (paper §3.2): what lies near a place.
+//
+// Immutable once built, thread-safe. Rebuilt wherever it is needed, never stored (§3.5).
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+namespace carmap {
+
+class KdTree {
+ public:
+  /// Coordinates must be finite.
+  explicit KdTree(std::vector<Eigen::Vector3d> points = {});
+  ~KdTree();
+  KdTree(KdTree&&) noexcept;
+  KdTree& operator=(KdTree&&) noexcept;
+
+  const std::vector<Eigen::Vector3d>& points() const;
+  size_t size() const { return points().size(); }
+
+  /// Indices of the points at most radius_m away, nearest first, of equally near ones the lower.
+  std::vector<uint32_t> WithinRadius(const Eigen::Vector3d& center, double radius_m) const;
+  /// Indices of the `count` nearest points, or of all if there are fewer, in the same order.
+  std::vector<uint32_t> Nearest(const Eigen::Vector3d& center, size_t count) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<const Impl> impl_;
+};
+
+}  // namespace carmap

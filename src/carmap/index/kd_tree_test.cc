@@ -1,0 +1,66 @@
+#include "carmap/index/kd_tree.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <numeric>
+
+#include "carmap/map/test_street.h"
+
+namespace carmap {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+std::vector<Eigen::Vector3d> RandomPoints(size_t count) {
+  StreetRandom random(5);
+  std::vector<Eigen::Vector3d> points;
+  for (size_t i = 0; i < count; ++i) {
+    points.emplace_back(random.Uniform(-20, 20), random.Uniform(-2, 2), random.Uniform(0, 100));
+  }
+  return points;
+}
+
+std::vector<uint32_t> AllByDistance(const std::vector<Eigen::Vector3d>& points,
+                                    const Eigen::Vector3d& center) {
+  std::vector<uint32_t> idxs(points.size());
+  std::iota(idxs.begin(), idxs.end(), 0u);
+  std::stable_sort(idxs.begin(), idxs.end(), [&](uint32_t a, uint32_t b) {
+    return (points[a] - center).squaredNorm() < (points[b] - center).squaredNorm();
+  });
+  return idxs;
+}
+
+TEST(KdTree, FindsWhatASearchThroughAllPointsFinds) {
+  const auto points = RandomPoints(2000);
+  const KdTree tree(points);
+  for (const Eigen::Vector3d& center : RandomPoints(20)) {
+    std::vector<uint32_t> expected = AllByDistance(points, center);
+    const auto is_near = [&](uint32_t i) { return (points[i] - center).norm() <= 8; };
+    const auto end = std::find_if_not(expected.begin(), expected.end(), is_near);
+    EXPECT_EQ(tree.WithinRadius(center, 8), std::vector<uint32_t>(expected.begin(), end));
+    expected.resize(25);
+    EXPECT_EQ(tree.Nearest(center, 25), expected);
+  }
+}
+
+TEST(KdTree, CountsPointsOnTheBoundAndOrdersEqualOnesByIndex) {
+  const KdTree tree({{2, 0, 0}, {0, 2, 0}, {0, 0, 0}, {0, 0, 2}, {0, 0, 2.001}});
+  EXPECT_THAT(tree.WithinRadius({0, 0, 0}, 2), ElementsAre(2, 0, 1, 3));
+}
+
+TEST(KdTree, TakesNoPointsOnePointAndManyEqualPoints) {
+  EXPECT_THAT(KdTree().WithinRadius({0, 0, 0}, 1e9), IsEmpty());
+  EXPECT_THAT(KdTree().Nearest({0, 0, 0}, 3), IsEmpty());
+  EXPECT_THAT(KdTree({{1, 1, 1}}).Nearest({0, 0, 0}, 3), ElementsAre(0));
+  const KdTree equal(std::vector<Eigen::Vector3d>(500, {1, 2, 3}));
+  EXPECT_EQ(equal.WithinRadius({1, 2, 3}, 0).size(), 500u);
+  KdTree moved = KdTree({{1, 1, 1}});
+  moved = KdTree({{0, 0, 0}, {1, 0, 0}});
+  EXPECT_THAT(moved.Nearest({2, 0, 0}, 1), ElementsAre(1));
+}
+
+}  // namespace
+}  // namespace carmap

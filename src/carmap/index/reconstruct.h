@@ -1,0 +1,94 @@
+// Reconstruction (paper §3.5): from a lean map what it left out, as localization and stitching need
+// it.
+//
+// Stored in a lean map are positions, signatures, one pyramid level and the keyframe list of each
+// landmark, and each keyframe's pose. Derived here are: each landmark's viewing direction, range of
+// distances and the scale at which a camera sees it; each keyframe's features with their 2D and 3D
+// positions; the covisibility graph; and the k-d trees of keyframes and landmarks.
+//
+// A ReconstructedMap is immutable and freely shared between threads.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "carmap/feature/feature.h"
+#include "carmap/geometry/geodesy.h"
+#include "carmap/index/grouped.h"
+#include "carmap/index/kd_tree.h"
+#include "carmap/map/lean_map.h"
+#include "carmap/map/map_snapshot.h"
+
+namespace carmap {
+
+/// A landmark as a keyframe saw it.
+struct KeyframeFeature {
+  uint32_t landmark_idx = 0;
+  Eigen::Vector3f p_in_camera = Eigen::Vector3f::Zero();  ///< equation 1
+  Eigen::Vector2f px = Eigen::Vector2f::Zero();
+  float disparity_px = 0;
+};
+
+struct CovisibleKeyframe {
+  uint32_t keyframe_idx = 0;
+  uint32_t shared_landmarks = 0;  ///< at least one
+};
+
+/// Keyframes by their place on the Earth, whatever the map's own frame is.
+class GpsIndex {
+ public:
+  /// A keyframe without a fix takes its place from the fixes before and after it in its drive, by
+  /// the distance driven. Nothing if no keyframe has a fix. Keyframes ascending by id.
+  static std::optional<GpsIndex> Build(const std::vector<LeanKeyframe>& keyframes);
+
+  /// Keyframes within this horizontal distance (altitudes of GPS are poor), nearest first.
+  std::vector<uint32_t> KeyframesNear(const GpsFix& fix, double radius_m) const;
+  /// Keyframes that could not be placed: they have only fixes before or only fixes after them, or
+  /// their drive has none. Ascending.
+  const std::vector<uint32_t>& unplaced() const { return unplaced_; }
+
+ private:
+  explicit GpsIndex(const GpsFix& origin) : enu_(origin) {}
+  Eigen::Vector3d OnPlane(const GpsFix& fix) const;
+  void PlaceDrive(const std::vector<LeanKeyframe>& keyframes, size_t begin, size_t end,
+                  std::vector<Eigen::Vector3d>& places);
+
+  LocalEnu enu_;
+  KdTree tree_;
+  std::vector<uint32_t> placed_;  ///< keyframe of each point of the tree
+  std::vector<uint32_t> unplaced_;
+};
+
+struct ReconstructedMap {
+  std::vector<LeanDrive> drives;
+  /// Keyframes and landmarks in the order of the lean map. Levels hold for a camera of
+  /// `focal_length_px`, whichever drive mapped the landmark.
+  MapSnapshot snapshot;
+  double focal_length_px = 0;
+  /// The map-feature index (§2): of each landmark the keyframes that see it, ascending.
+  Grouped<uint32_t> keyframes_of_landmark;
+  /// Of each keyframe the features that its drive's camera can have seen, ascending by landmark.
+  /// Quantisation and merging may push a landmark behind the camera or out of the image: it has
+  /// no feature there, but its link stays.
+  Grouped<KeyframeFeature> features_of_keyframe;
+  /// Of each keyframe those that share landmarks with it, most shared first.
+  Grouped<CovisibleKeyframe> covisible;
+  KdTree keyframe_centers, landmark_positions;
+  std::optional<GpsIndex> gps;
+};
+
+/// The map must be consistent (CheckConsistency). `focal_length_px` is fx of the camera that the
+/// map is rebuilt for; absent, that of the map's first drive.
+ReconstructedMap Reconstruct(const LeanMap& map,
+                             std::optional<double> focal_length_px = std::nullopt);
+
+/// The rig that the keyframe's drive saw with.
+const StereoRig& RigOf(const ReconstructedMap& map, uint32_t keyframe_idx);
+
+/// The keyframe's features with signature and level, in the order of features_of_keyframe: a frame
+/// that can be matched like one from a camera.
+std::vector<Feature> FeaturesOf(const ReconstructedMap& map, uint32_t keyframe_idx);
+
+}  // namespace carmap

@@ -1,0 +1,35 @@
+// The part of a map that a camera can see from about where it is.
+//
+// Pure functions, thread-safe. Landmarks come as ascending indices into the map's snapshot.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "carmap/geometry/rigid3.h"
+#include "carmap/index/reconstruct.h"
+
+namespace carmap {
+
+/// Landmarks that at least one of these keyframes sees.
+std::vector<uint32_t> LandmarksSeenBy(const ReconstructedMap& map,
+                                      const std::vector<uint32_t>& keyframe_idxs);
+
+/// The keyframe and those, at most `neighbours`, that share most landmarks with it.
+std::vector<uint32_t> WithCovisible(const ReconstructedMap& map, uint32_t keyframe_idx,
+                                    size_t neighbours);
+
+struct NeighbourhoodOptions {
+  double radius_m = 30;             ///< in which keyframes count as near
+  double max_turn_rad = 1.2;        ///< between a keyframe's viewing direction and the camera's
+  size_t covisible_neighbours = 5;  ///< of the nearest keyframe, wherever they stand
+  size_t max_keyframes = 40;        ///< nearest first
+};
+
+/// Landmarks seen by keyframes near the pose that look the same way, and by those covisible with
+/// the nearest of them.
+std::vector<uint32_t> LandmarksAround(const ReconstructedMap& map, const Rigid3& map_from_camera,
+                                      const NeighbourhoodOptions& options = {});
+
+}  // namespace carmap

@@ -1,0 +1,165 @@
+// A street of landmarks and what drives along it see and map. For the tests of map/ and above.
+//
+// Made with whole numbers from a seeded generator, so that each machine makes the same.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "carmap/map/lean_map.h"
+
+namespace carmap {
+
+inline const StereoRig kStreetRig{{718, 720, 607, 185, 1226, 370}, 0.54};
+
+/// The street runs along z of the world, x points right, y down, the camera's height is y = 0.
+struct Street {
+  struct Corner {
+    Eigen::Vector3d p_in_world;
+    Descriptor descriptor;
+    double level_at_1m;
+  };
+  std::vector<Corner> corners;
+};
+
+class StreetRandom {
+ public:
+  explicit StreetRandom(uint64_t seed) : generator_(seed) {}
+  uint64_t Bits() { return generator_(); }
+  double Uniform(double low, double high) {
+    return low + (high - low) * static_cast<double>(generator_() >> 11) * 0x1p-53;
+  }
+  double Normal(double sigma) {
+    double sum = -6;
+    for (int i = 0; i < 12; ++i) sum += Uniform(0, 1);
+    return sigma * sum;
+  }
+  Descriptor RandomDescriptor() { return {{Bits(), Bits(), Bits(), Bits()}}; }
+
+ private:
+  std::mt19937_64 generator_;
+};
+
+/// Facades on both sides, from z = 0 to length_m.
+inline Street MakeStreet(uint64_t seed, double length_m, double corners_per_m = 25) {
+  StreetRandom random(seed);
+  Street street;
+  for (int i = 0; i < static_cast<int>(length_m * corners_per_m); ++i) {
+    const double side = random.Bits() % 2 ? 1 : -1;
+    const Eigen::Vector3d p(side * random.Uniform(7, 14), random.Uniform(-5, 1.5),
+                            random.Uniform(0, length_m));
+    street.corners.push_back({p, random.RandomDescriptor(), random.Uniform(15, 20)});
+  }
+  return street;
+}
+
+/// Poses every step_m along a lane (x of the camera) with a slight weave.
+inline std::vector<Rigid3> DriveAlong(double lane_m, double from_m, double to_m,
+                                      double step_m = 1.5) {
+  std::vector<Rigid3> world_from_camera;
+  for (double z = from_m; z <= to_m; z += step_m) {
+    const double turn = 0.02 * std::sin(z / 5);
+    world_from_camera.push_back(
+        {RotationExp({0.3 * turn, turn, 0.2 * turn}), {lane_m + 0.1 * std::cos(z / 5), 0, z}});
+  }
+  return world_from_camera;
+}
+
+struct StreetNoise {
+  double pixel_px = 0;      ///< of u, v and disparity
+  int descriptor_bits = 0;  ///< flipped
+};
+
+/// The corner as the camera sees it, without noise; has no disparity if it cannot be seen.
+inline Feature SeeCorner(const Street::Corner& corner, const StereoRig& rig,
+                         const Rigid3& camera_from_world) {
+  const Eigen::Vector3d p = camera_from_world * corner.p_in_world;
+  if (p.z() < 2 || p.z() > 45) return {};
+  const Eigen::Vector3d uvd = rig.Project(p);
+  const double level =
+      std::round(corner.level_at_1m -
+                 std::log(p.norm() * kStreetRig.camera.fx / rig.camera.fx) / std::log(kLevelScale));
+  if (!rig.camera.Contains(uvd.head<2>()) || level < 0 || level >= kLevelCount) return {};
+  return {.x_px = static_cast<float>(uvd.x()),
+          .y_px = static_cast<float>(uvd.y()),
+          .disparity_px = static_cast<float>(uvd.z()),
+          .level = static_cast<uint8_t>(level),
+          .descriptor = corner.descriptor};
+}
+
+inline void FlipBits(int count, StreetRandom& random, Descriptor& descriptor) {
+  for (int i = 0; i < count; ++i) {
+    const uint64_t bit = random.Bits() % 256;
+    descriptor.words[bit / 64] ^= uint64_t{1} << (bit % 64);
+  }
+}
+
+/// What a camera there sees of the street.
+inline std::vector<Feature> SeeStreet(const Street& street, const StereoRig& rig,
+                                      const Rigid3& world_from_camera,
+                                      const StreetNoise& noise = {}, uint64_t seed = 1) {
+  StreetRandom random(seed);
+  const Rigid3 camera_from_world = world_from_camera.Inverse();
+  std::vector<Feature> features;
+  for (const Street::Corner& corner : street.corners) {
+    Feature feature = SeeCorner(corner, rig, camera_from_world);
+    if (!feature.has_disparity()) continue;
+    feature.x_px += static_cast<float>(random.Normal(noise.pixel_px));
+    feature.y_px += static_cast<float>(random.Normal(noise.pixel_px));
+    feature.disparity_px += static_cast<float>(random.Normal(noise.pixel_px));
+    FlipBits(noise.descriptor_bits, random, feature.descriptor);
+    features.push_back(feature);
+  }
+  return features;
+}
+
+inline Eigen::Vector3d MeasureAndTriangulate(const StereoRig& rig,
+                                             const Eigen::Vector3d& p_in_camera,
+                                             const StreetNoise& noise, StreetRandom& random) {
+  Eigen::Vector3d uvd = rig.Project(p_in_camera);
+  for (int i = 0; i < 3; ++i) uvd[i] += random.Normal(noise.pixel_px);
+  return rig.Triangulate(uvd.head<2>(), uvd.z());
+}
+
+/// The lean map that a drive makes of the street: in a frame of its own, of corners that at least
+/// three of its keyframes see, placed where the nearest of these measures them.
+inline LeanMap MapStreet(const Street& street, DriveId drive, const StereoRig& rig,
+                         const std::vector<Rigid3>& world_from_camera, const Rigid3& map_from_world,
+                         const StreetNoise& noise = {}) {
+  StreetRandom random(drive.value);
+  LeanMap map;
+  map.drives = {{drive, rig}};
+  for (uint32_t i = 0; i < world_from_camera.size(); ++i) {
+    LeanKeyframe keyframe;
+    keyframe.id = {drive, 3 * i};
+    keyframe.timestamp = Timestamp::FromSeconds(0.3 * i);
+    keyframe.map_from_camera = map_from_world * world_from_camera[i];
+    map.keyframes.push_back(keyframe);
+  }
+  for (const Street::Corner& corner : street.corners) {
+    LeanLandmark landmark;
+    double nearest_m = 1e9;
+    for (uint32_t i = 0; i < world_from_camera.size(); ++i) {
+      const Feature feature = SeeCorner(corner, rig, world_from_camera[i].Inverse());
+      if (!feature.has_disparity()) continue;
+      if (landmark.keyframe_idxs.empty()) landmark.first_level = feature.level;
+      landmark.keyframe_idxs.push_back(i);
+      const double distance_m = rig.DepthAt(feature.disparity_px);
+      if (distance_m > nearest_m) continue;
+      nearest_m = distance_m;
+      const Eigen::Vector3d p = MeasureAndTriangulate(
+          rig, world_from_camera[i].Inverse() * corner.p_in_world, noise, random);
+      landmark.position_in_map = map_from_world * (world_from_camera[i] * p);
+    }
+    if (landmark.keyframe_idxs.size() < 3) continue;
+    landmark.id = {drive, static_cast<uint32_t>(map.landmarks.size())};
+    landmark.descriptor = corner.descriptor;
+    FlipBits(noise.descriptor_bits, random, landmark.descriptor);
+    map.landmarks.push_back(landmark);
+  }
+  return map;
+}
+
+}  // namespace carmap

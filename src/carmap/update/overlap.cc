@@ -1,0 +1,170 @@
+#include "carmap/update/overlap.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "carmap/feature/feature_grid.h"
+
+namespace carmap {
+namespace {
+
+/// A keyframe of the segment that was found in the base map.
+struct Located {
+  uint32_t keyframe_idx = 0;
+  size_t inliers = 0;
+  Rigid3 base_from_segment;
+};
+
+/// 0 … count-1 from coarse to fine, the ends first: a segment mostly overlaps where it begins or
+/// ends.
+std::vector<uint32_t> CoarseToFine(uint32_t count) {
+  std::vector<uint32_t> order;
+  std::vector<bool> is_listed(count, false);
+  const auto list = [&](uint32_t i) {
+    if (!is_listed[i]) order.push_back(i);
+    is_listed[i] = true;
+  };
+  if (count > 0) list(count - 1);
+  uint32_t stride = 1;
+  while (stride < count) stride *= 2;
+  for (; stride > 0; stride /= 2) {
+    for (uint32_t i = 0; i < count; i += stride) list(i);
+  }
+  return order;
+}
+
+std::optional<Located> Locate(const ReconstructedMap& base, const ReconstructedMap& segment,
+                              uint32_t keyframe_idx, const RelocalizationOptions& options) {
+  const StereoRig& rig = RigOf(segment, keyframe_idx);
+  const std::vector<Feature> features = FeaturesOf(segment, keyframe_idx);
+  const FeatureGrid grid(features, rig.camera.width, rig.camera.height);
+  const SnapshotKeyframe& keyframe = segment.snapshot.keyframes[keyframe_idx];
+  const auto pose = Relocalize(base, grid, rig, keyframe.gps, options);
+  if (!pose) return std::nullopt;
+  return Located{keyframe_idx, pose->inliers.size(),
+                 pose->camera_from_map.Inverse() * keyframe.map_from_camera.Inverse()};
+}
+
+bool Agree(const Located& a, const Located& b, const ReconstructedMap& segment,
+           const OverlapOptions& options) {
+  const auto center = [&](const Located& located) -> const Eigen::Vector3d& {
+    return segment.snapshot.keyframes[located.keyframe_idx].map_from_camera.translation;
+  };
+  const double apart_m = (center(a) - center(b)).norm();
+  const Rigid3 difference = a.base_from_segment.Inverse() * b.base_from_segment;
+  return (difference * center(a) - center(a)).norm() <=
+             options.agreement_m + options.agreement_drift * apart_m &&
+         RotationAngle(difference.rotation) <= options.agreement_rad;
+}
+
+/// The largest set that agrees with one of its members. Empty for no keyframes.
+std::vector<size_t> LargestGroup(const std::vector<Located>& located,
+                                 const ReconstructedMap& segment, const OverlapOptions& options) {
+  std::vector<size_t> largest;
+  for (const Located& center : located) {
+    std::vector<size_t> group;
+    for (size_t i = 0; i < located.size(); ++i) {
+      if (Agree(center, located[i], segment, options)) group.push_back(i);
+    }
+    if (group.size() > largest.size()) largest = std::move(group);
+  }
+  return largest;
+}
+
+/// Moves the members of the group out of `located`.
+std::vector<Located> TakeOut(const std::vector<size_t>& group, std::vector<Located>& located) {
+  std::vector<Located> taken, rest;
+  for (size_t i = 0; i < located.size(); ++i) {
+    const bool is_member = std::binary_search(group.begin(), group.end(), i);
+    (is_member ? taken : rest).push_back(located[i]);
+  }
+  located = std::move(rest);
+  return taken;
+}
+
+struct CountedPair {
+  LandmarkPair pair;
+  int count = 0;
+};
+
+/// Of all matches, each with how many keyframes made it, the most frequent that leave each landmark
+/// in at most one pair.
+std::vector<LandmarkPair> PairUp(std::vector<LandmarkPair> matches, size_t base_count,
+                                 size_t segment_count) {
+  std::sort(matches.begin(), matches.end());
+  std::vector<CountedPair> counted;
+  for (const LandmarkPair& match : matches) {
+    if (counted.empty() || counted.back().pair != match) counted.push_back({match, 0});
+    ++counted.back().count;
+  }
+  std::stable_sort(counted.begin(), counted.end(),
+                   [](const CountedPair& a, const CountedPair& b) { return a.count > b.count; });
+  std::vector<bool> base_is_taken(base_count, false), segment_is_taken(segment_count, false);
+  std::vector<LandmarkPair> pairs;
+  for (const auto& [pair, count] : counted) {
+    if (base_is_taken[pair.base_idx] || segment_is_taken[pair.segment_idx]) continue;
+    base_is_taken[pair.base_idx] = segment_is_taken[pair.segment_idx] = true;
+    pairs.push_back(pair);
+  }
+  std::sort(pairs.begin(), pairs.end());
+  return pairs;
+}
+
+}  // namespace
+
+CoarseOverlap FindOverlap(const ReconstructedMap& base, const ReconstructedMap& segment,
+                          const OverlapOptions& options) {
+  CoarseOverlap overlap;
+  std::vector<Located> located;
+  std::vector<size_t> group;
+  for (const uint32_t keyframe_idx :
+       CoarseToFine(static_cast<uint32_t>(segment.snapshot.keyframes.size()))) {
+    if (overlap.tried == options.max_tries) break;
+    ++overlap.tried;
+    const auto found = Locate(base, segment, keyframe_idx, options.relocalization);
+    if (!found) continue;
+    located.push_back(*found);
+    group = LargestGroup(located, segment, options);
+    if (group.size() >= options.enough_keyframes) break;
+  }
+  overlap.found = located.size();
+  const std::vector<Located> agreeing = TakeOut(group, located);
+  overlap.agreeing = agreeing.size();
+  overlap.dissenting = LargestGroup(located, segment, options).size();
+  if (!agreeing.empty()) {
+    overlap.base_from_segment =
+        std::max_element(agreeing.begin(), agreeing.end(), [](const Located& a, const Located& b) {
+          return a.inliers < b.inliers;
+        })->base_from_segment;
+  }
+  return overlap;
+}
+
+FineOverlap MatchOverlap(const ReconstructedMap& base, const ReconstructedMap& segment,
+                         const Rigid3& base_from_segment, const OverlapOptions& options) {
+  FineOverlap overlap;
+  std::vector<LandmarkPair> matches;
+  for (uint32_t k = 0; k < segment.snapshot.keyframes.size(); ++k) {
+    const Rigid3 base_from_camera =
+        base_from_segment * segment.snapshot.keyframes[k].map_from_camera;
+    const auto landmark_idxs =
+        LandmarksAround(base, base_from_camera, options.relocalization.neighbourhood);
+    if (landmark_idxs.empty()) continue;
+    const StereoRig& rig = RigOf(segment, k);
+    const std::vector<Feature> features = FeaturesOf(segment, k);
+    const FeatureGrid grid(features, rig.camera.width, rig.camera.height);
+    const auto pose =
+        TrackByProjection(base.snapshot, landmark_idxs, grid, rig, base_from_camera.Inverse(),
+                          options.relocalization.tracking);
+    if (!pose) continue;
+    overlap.segment_keyframes.push_back(k);
+    for (const auto& [landmark_idx, feature_idx] : pose->inliers) {
+      matches.push_back({landmark_idx, segment.features_of_keyframe[k][feature_idx].landmark_idx});
+    }
+  }
+  overlap.pairs =
+      PairUp(std::move(matches), base.snapshot.landmarks.size(), segment.snapshot.landmarks.size());
+  return overlap;
+}
+
+}  // namespace carmap

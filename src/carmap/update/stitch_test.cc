@@ -1,0 +1,241 @@
+#include "carmap/update/stitch.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "carmap/localize/localizer.h"
+#include "carmap/map/test_street.h"
+
+namespace carmap {
+namespace {
+
+using ::testing::HasSubstr;
+
+const Rigid3 kBaseFromWorld{RotationExp({0.1, -0.7, 0.05}), {3, -1, 20}};
+const Rigid3 kSegmentFromWorld{RotationExp({-0.02, 1.9, 0.03}), {-400, 5, 60}};
+const Rigid3 kBaseFromSegment = kBaseFromWorld * kSegmentFromWorld.Inverse();
+const StreetNoise kNoise{.pixel_px = 0.5, .descriptor_bits = 10};
+
+LeanMap BaseMap(const Street& street, const StreetNoise& noise = {}) {
+  return MapStreet(street, {500}, kStreetRig, DriveAlong(0, 0, 70), kBaseFromWorld, noise);
+}
+
+LeanMap Segment(const Street& street, double lane_m, double from_m, double to_m, DriveId id = {900},
+                const StreetNoise& noise = {}) {
+  return MapStreet(street, id, kStreetRig, DriveAlong(lane_m, from_m, to_m), kSegmentFromWorld,
+                   noise);
+}
+
+void ExpectIdentical(const LeanMap& a, const LeanMap& b) {
+  ASSERT_EQ(a.keyframes.size(), b.keyframes.size());
+  ASSERT_EQ(a.landmarks.size(), b.landmarks.size());
+  for (size_t i = 0; i < a.keyframes.size(); ++i) {
+    EXPECT_EQ(a.keyframes[i].id, b.keyframes[i].id);
+    EXPECT_EQ(a.keyframes[i].map_from_camera.translation,
+              b.keyframes[i].map_from_camera.translation);
+    EXPECT_EQ(a.keyframes[i].map_from_camera.rotation.coeffs(),
+              b.keyframes[i].map_from_camera.rotation.coeffs());
+  }
+  for (size_t i = 0; i < a.landmarks.size(); ++i) {
+    EXPECT_EQ(a.landmarks[i].id, b.landmarks[i].id);
+    EXPECT_EQ(a.landmarks[i].position_in_map, b.landmarks[i].position_in_map);
+    EXPECT_EQ(a.landmarks[i].keyframe_idxs, b.landmarks[i].keyframe_idxs);
+    EXPECT_EQ(a.landmarks[i].first_level, b.landmarks[i].first_level);
+  }
+}
+
+TEST(Stitch, RecoversTheTransformToAMillimetreWithoutNoise) {
+  const Street street = MakeStreet(3, 170);
+  for (const double lane_m : {0.0, 3.0, -2.0}) {
+    const auto stitched = Stitch(BaseMap(street), Segment(street, lane_m, 45, 120));
+    ASSERT_TRUE(stitched.ok()) << stitched.status();
+    const Rigid3 error = kBaseFromSegment.Inverse() * stitched->report.base_from_segment;
+    EXPECT_LT(RotationAngle(error.rotation), 1e-5);
+    ASSERT_TRUE(CheckConsistency(stitched->map).ok());
+    for (const LeanKeyframe& keyframe : stitched->map.keyframes) {
+      const double lane = keyframe.id.drive == DriveId{900} ? lane_m : 0;
+      const auto poses =
+          keyframe.id.drive == DriveId{900} ? DriveAlong(lane, 45, 120) : DriveAlong(lane, 0, 70);
+      const Rigid3 truth = kBaseFromWorld * poses[keyframe.id.index / 3];
+      EXPECT_LT((keyframe.map_from_camera.translation - truth.translation).norm(), 1e-3);
+    }
+  }
+}
+
+TEST(Stitch, RemovesLandmarksThatBothMapsHold) {
+  const Street street = MakeStreet(3, 170);
+  const LeanMap base = BaseMap(street), segment = Segment(street, 1, 45, 120);
+  const auto stitched = Stitch(base, segment);
+  ASSERT_TRUE(stitched.ok()) << stitched.status();
+  std::set<Descriptor> corners;  // unique without noise
+  for (const LeanLandmark& landmark : base.landmarks) corners.insert(landmark.descriptor);
+  size_t shared = 0;
+  for (const LeanLandmark& landmark : segment.landmarks) {
+    shared += !corners.insert(landmark.descriptor).second;
+  }
+  const StitchReport& report = stitched->report;
+  EXPECT_GT(shared, 100u);
+  EXPECT_LE(report.duplicates_removed, shared);
+  EXPECT_GE(static_cast<double>(report.duplicates_removed), 0.95 * static_cast<double>(shared));
+  EXPECT_EQ(stitched->map.landmarks.size(),
+            base.landmarks.size() + segment.landmarks.size() - report.duplicates_removed);
+  EXPECT_LT(report.median_distance_m, 1e-3);
+
+  // A landmark of both maps is the base's, seen by keyframes of both.
+  size_t seen_by_both = 0;
+  for (const LeanLandmark& landmark : stitched->map.landmarks) {
+    std::set<DriveId> drives;
+    for (const uint32_t idx : landmark.keyframe_idxs) {
+      drives.insert(stitched->map.keyframes[idx].id.drive);
+    }
+    if (drives.size() < 2) continue;
+    ++seen_by_both;
+    EXPECT_EQ(landmark.id.drive, DriveId{500});
+  }
+  EXPECT_EQ(seen_by_both, report.duplicates_removed);
+}
+
+TEST(Stitch, KeepsTheLevelOfAMergedLandmarksFirstKeyframe) {
+  const Street street = MakeStreet(3, 170);
+  // The segment's drive comes before the base's in the order of ids.
+  const LeanMap segment = Segment(street, 0, 45, 120, {7});
+  const auto stitched = Stitch(BaseMap(street), segment);
+  ASSERT_TRUE(stitched.ok()) << stitched.status();
+  size_t checked = 0;
+  for (const LeanLandmark& landmark : stitched->map.landmarks) {
+    const LeanKeyframe& first = stitched->map.keyframes[landmark.keyframe_idxs.front()];
+    if (landmark.id.drive == first.id.drive) continue;
+    const auto same = std::find_if(
+        segment.landmarks.begin(), segment.landmarks.end(),
+        [&](const LeanLandmark& other) { return other.descriptor == landmark.descriptor; });
+    ASSERT_NE(same, segment.landmarks.end());
+    EXPECT_EQ(landmark.first_level, same->first_level);
+    ++checked;
+  }
+  EXPECT_EQ(checked, stitched->report.duplicates_removed);
+}
+
+TEST(Stitch, PlacesANoisySegmentOfTheNextLaneAndLocalizesInTheResult) {
+  const Street street = MakeStreet(4, 170);
+  const auto stitched = Stitch(BaseMap(street, kNoise), Segment(street, 3, 45, 120, {900}, kNoise));
+  ASSERT_TRUE(stitched.ok()) << stitched.status();
+  const Rigid3 error = kBaseFromSegment.Inverse() * stitched->report.base_from_segment;
+  EXPECT_LT(RotationAngle(error.rotation), 1e-3);
+  const Eigen::Vector3d center = kSegmentFromWorld * Eigen::Vector3d(0, 0, 80);
+  EXPECT_LT((error * center - center).norm(), 0.03);
+
+  const ReconstructedMap map = Reconstruct(stitched->map);
+  Localizer localizer(map, kStreetRig);
+  int n = 0;
+  for (const Rigid3& world_from_camera : DriveAlong(1, 3, 110, 1.1)) {
+    const auto frame =
+        localizer.Localize(Timestamp::FromSeconds(0.1 * n),
+                           SeeStreet(street, kStreetRig, world_from_camera, kNoise, n + 1));
+    ASSERT_TRUE(frame.map_from_camera) << n;
+    const Rigid3 truth = kBaseFromWorld * world_from_camera;
+    EXPECT_LT((frame.map_from_camera->translation - truth.translation).norm(), 0.1) << n;
+    ++n;
+  }
+}
+
+TEST(Stitch, RefusesASegmentThatDoesNotOverlap) {
+  const Street street = MakeStreet(3, 300);
+  for (const LeanMap& segment :
+       {Segment(street, 0, 180, 250), Segment(MakeStreet(77, 170), 0, 45, 120)}) {
+    const auto stitched = Stitch(BaseMap(street), segment);
+    ASSERT_EQ(stitched.status().code(), absl::StatusCode::kFailedPrecondition);
+    EXPECT_THAT(std::string(stitched.status().message()), HasSubstr("does not overlap"));
+  }
+}
+
+TEST(Stitch, RefusesASegmentWhoseGpsIsElsewhere) {
+  const Street street = MakeStreet(3, 170);
+  LeanMap base = BaseMap(street), segment = Segment(street, 0, 45, 120);
+  const LocalEnu enu({49, 8.4, 110});
+  const auto give_gps = [&](LeanMap& map, const Rigid3& map_from_world, double east_m) {
+    for (LeanKeyframe& keyframe : map.keyframes) {
+      const Eigen::Vector3d p = map_from_world.Inverse() * keyframe.map_from_camera.translation;
+      keyframe.gps = enu.ToGps({p.x() + east_m, p.z(), 0});
+    }
+  };
+  give_gps(base, kBaseFromWorld, 0);
+  give_gps(segment, kSegmentFromWorld, 10);
+  EXPECT_TRUE(Stitch(base, segment).ok());
+  give_gps(segment, kSegmentFromWorld, 2000);
+  EXPECT_EQ(Stitch(base, segment).status().code(), absl::StatusCode::kFailedPrecondition);
+}
+
+// The base map holds one half of the segment's street here, the other elsewhere.
+TEST(Stitch, RefusesASegmentThatFitsInTwoPlaces) {
+  const Street street = MakeStreet(3, 170);
+  Street torn = street;
+  for (Street::Corner& corner : torn.corners) {
+    if (corner.p_in_world.z() > 80) corner.p_in_world.z() += 200;
+  }
+  auto poses = DriveAlong(0, 0, 60);
+  for (const Rigid3& pose : DriveAlong(0, 280, 340)) poses.push_back(pose);
+  const LeanMap base = MapStreet(torn, {500}, kStreetRig, poses, kBaseFromWorld);
+  const auto stitched = Stitch(base, Segment(street, 0, 0, 130));
+  ASSERT_EQ(stitched.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(stitched.status().message()), HasSubstr("in two places"));
+}
+
+TEST(Stitch, RefusesADriveThatIsThereAlready) {
+  const Street street = MakeStreet(3, 170);
+  const LeanMap base = BaseMap(street), segment = Segment(street, 0, 45, 120);
+  EXPECT_EQ(Stitch(base, base).status().code(), absl::StatusCode::kAlreadyExists);
+  const auto stitched = Stitch(base, segment);
+  ASSERT_TRUE(stitched.ok());
+  EXPECT_EQ(Stitch(stitched->map, segment).status().code(), absl::StatusCode::kAlreadyExists);
+}
+
+TEST(Stitch, MergesTwoDrivesOfTheSameRoadIntoOneSetOfLandmarks) {
+  const Street street = MakeStreet(3, 120);
+  const LeanMap base = BaseMap(street);
+  const LeanMap same = MapStreet(street, {501}, kStreetRig, DriveAlong(0, 0, 70), kBaseFromWorld);
+  const auto stitched = Stitch(base, same);
+  ASSERT_TRUE(stitched.ok()) << stitched.status();
+  EXPECT_LT(stitched->map.landmarks.size(), 1.05 * static_cast<double>(base.landmarks.size()));
+  EXPECT_LT(stitched->report.base_from_segment.translation.norm(), 1e-4);
+}
+
+TEST(Stitch, TakesDegenerateMaps) {
+  const Street street = MakeStreet(3, 170);
+  const LeanMap base = BaseMap(street), segment = Segment(street, 0, 45, 120);
+  const auto first = Stitch(LeanMap(), segment);
+  ASSERT_TRUE(first.ok());
+  ExpectIdentical(first->map, segment);
+
+  LeanMap bare = segment;
+  bare.landmarks.clear();
+  EXPECT_EQ(Stitch(base, bare).status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(Stitch(base, LeanMap()).status().code(), absl::StatusCode::kFailedPrecondition);
+  LeanMap bare_base = base;
+  bare_base.landmarks.clear();
+  EXPECT_EQ(Stitch(bare_base, segment).status().code(), absl::StatusCode::kFailedPrecondition);
+
+  LeanMap single = segment;
+  single.keyframes.resize(1);
+  std::erase_if(single.landmarks,
+                [](const LeanLandmark& landmark) { return landmark.keyframe_idxs.front() != 0; });
+  for (LeanLandmark& landmark : single.landmarks) landmark.keyframe_idxs = {0};
+  EXPECT_EQ(Stitch(base, single).status().code(), absl::StatusCode::kFailedPrecondition);
+
+  LeanMap broken = segment;
+  broken.landmarks[3].keyframe_idxs = {9999};
+  EXPECT_EQ(Stitch(base, broken).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(Stitch, IsDeterministic) {
+  const Street street = MakeStreet(4, 170);
+  const LeanMap base = BaseMap(street, kNoise);
+  const LeanMap segment = Segment(street, 3, 45, 120, {900}, kNoise);
+  const auto a = Stitch(base, segment), b = Stitch(base, segment);
+  ASSERT_TRUE(a.ok() && b.ok());
+  ExpectIdentical(a->map, b->map);
+}
+
+}  // namespace
+}  // namespace carmap
