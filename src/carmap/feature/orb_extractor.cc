@@ -59,21 +59,23 @@ Descriptor Describe(const std::array<std::array<ptrdiff_t, 2>, 256>& offsets, co
 
 /// Keeps at most `count` corners: from each cell of a grid its best, then each cell's second best, and
 /// so on, so that strong texture in one place does not starve the rest of the image.
-std::vector<Corner> SpreadEvenly(std::vector<Corner> corners, const cv::Size& size, size_t count) {
+std::vector<Corner> SpreadEvenly(const std::vector<Corner>& corners, const cv::Size& size, size_t count) {
   if (corners.size() <= count) return corners;
   const double area = static_cast<double>(size.width) * size.height;
   const int cell_px = std::max(8, static_cast<int>(std::sqrt(area / static_cast<double>(count))));
   const int columns = size.width / cell_px + 1, rows = size.height / cell_px + 1;
 
-  std::sort(corners.begin(), corners.end(), [](const Corner& a, const Corner& b) {
-    return std::tuple(-a.score, a.y, a.x) < std::tuple(-b.score, b.y, b.x);
-  });
+  // Best scores first, by counting: there are many more corners than scores.
+  std::array<std::vector<Corner>, 256> by_score;
+  for (const Corner& corner : corners) by_score[corner.score].push_back(corner);
   std::vector<int> taken_of_cell(static_cast<size_t>(columns) * rows, 0);
   std::vector<std::vector<Corner>> by_rank;
-  for (const Corner& corner : corners) {
-    const size_t rank = taken_of_cell[(corner.y / cell_px) * columns + corner.x / cell_px]++;
-    if (rank >= by_rank.size()) by_rank.emplace_back();
-    by_rank[rank].push_back(corner);
+  for (auto of_score = by_score.rbegin(); of_score != by_score.rend(); ++of_score) {
+    for (const Corner& corner : *of_score) {
+      const size_t rank = taken_of_cell[(corner.y / cell_px) * columns + corner.x / cell_px]++;
+      if (rank >= by_rank.size()) by_rank.emplace_back();
+      by_rank[rank].push_back(corner);
+    }
   }
   std::vector<Corner> kept;
   for (const auto& corners_of_rank : by_rank) {

@@ -10,6 +10,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <optional>
 
 namespace carmap {
@@ -65,56 +66,83 @@ std::optional<int> SearchRow(const PatchRows& patch, const cv::Mat& right, int y
   return x_first + static_cast<int>(best - differences.begin());
 }
 
-/// Pixels of a square around a place between pixels. The image must hold it with one pixel to spare.
-template <int kWidth>
-void SampleBilinear(const cv::Mat& image, double x, double y, std::array<float, kWidth * kWidth>& out) {
-  const int x0 = static_cast<int>(std::floor(x)), y0 = static_cast<int>(std::floor(y));
-  const auto fx = static_cast<float>(x - x0), fy = static_cast<float>(y - y0);
-  const float w00 = (1 - fx) * (1 - fy), w01 = fx * (1 - fy), w10 = (1 - fx) * fy, w11 = fx * fy;
-  for (int row = 0; row < kWidth; ++row) {
-    const uint8_t* a = image.ptr<uint8_t>(y0 - kWidth / 2 + row, x0 - kWidth / 2);
-    const uint8_t* b = a + image.step[0];
-    for (int column = 0; column < kWidth; ++column) {
-      out[row * kWidth + column] = w00 * a[column] + w01 * a[column + 1] + w10 * b[column] + w11 * b[column + 1];
-    }
-  }
+/// A value for each pixel of a patch, in rows of whole vectors: sums over it run lane by lane.
+constexpr int kLanes = 16;
+using PatchValues = std::array<std::array<float, kLanes>, kSide>;
+
+float Sum(const std::array<float, kLanes>& lanes) {
+  return std::accumulate(lanes.begin(), lanes.end(), 0.0f);
 }
+
+/// The patch around (x, y) of the left image with its gradients, made once and compared with several
+/// places of the right image.
+class PatchTemplate {
+ public:
+  PatchTemplate(const cv::Mat& image, int x, int y) {
+    const auto step = static_cast<ptrdiff_t>(image.step[0]);
+    std::array<std::array<float, kLanes>, 5> sums{};
+    for (int row = 0; row < kSide; ++row) {
+      const uint8_t* p = image.ptr<uint8_t>(y - kRadius + row, x - kRadius);
+      auto& gx = gradient_x_[row];
+      auto& gy = gradient_y_[row];
+      for (int i = 0; i < kLanes; ++i) {
+        const float inside = i < kSide ? 1.0f : 0.0f;
+        grey_[row][i] = p[i];
+        gx[i] = inside * 0.5f * static_cast<float>(p[i + 1] - p[i - 1]);
+        gy[i] = inside * 0.5f * static_cast<float>(p[i + step] - p[i - step]);
+        sums[0][i] += gx[i] * gx[i];
+        sums[1][i] += gx[i] * gy[i];
+        sums[2][i] += gy[i] * gy[i];
+        sums[3][i] += gx[i];
+        sums[4][i] += gy[i];
+      }
+    }
+    const float xx = Sum(sums[0]), xy = Sum(sums[1]), yy = Sum(sums[2]), x1 = Sum(sums[3]), y1 = Sum(sums[4]);
+    Eigen::Matrix3f normal;
+    normal << xx, xy, x1, xy, yy, y1, x1, y1, kSide * kSide;
+    inverse_ = (normal + 1e-3f * Eigen::Matrix3f::Identity()).inverse();
+  }
+
+  /// Gauss-Newton step from (x, y) of `image` towards the place that looks like the template. The third
+  /// unknown, solved and dropped, is a difference in brightness between the cameras.
+  Eigen::Vector2d StepTowards(const cv::Mat& image, double x, double y) const {
+    const int x0 = static_cast<int>(std::floor(x)), y0 = static_cast<int>(std::floor(y));
+    const auto fx = static_cast<float>(x - x0), fy = static_cast<float>(y - y0);
+    const float w00 = (1 - fx) * (1 - fy), w01 = fx * (1 - fy), w10 = (1 - fx) * fy, w11 = fx * fy;
+    std::array<std::array<float, kLanes>, 3> sums{};
+    for (int row = 0; row < kSide; ++row) {
+      const uint8_t* a = image.ptr<uint8_t>(y0 - kRadius + row, x0 - kRadius);
+      const uint8_t* b = a + image.step[0];
+      for (int i = 0; i < kLanes; ++i) {
+        const float inside = i < kSide ? 1.0f : 0.0f;
+        const float error = grey_[row][i] - (w00 * a[i] + w01 * a[i + 1] + w10 * b[i] + w11 * b[i + 1]);
+        sums[0][i] += error * gradient_x_[row][i];
+        sums[1][i] += error * gradient_y_[row][i];
+        sums[2][i] += error * inside;
+      }
+    }
+    return (inverse_ * Eigen::Vector3f(Sum(sums[0]), Sum(sums[1]), Sum(sums[2]))).head<2>().cast<double>();
+  }
+
+ private:
+  PatchValues grey_, gradient_x_, gradient_y_;
+  Eigen::Matrix3f inverse_;
+};
 
 /// Place in `right` whose surroundings look most like those of (x, y) in `left`, near `start`.
 std::optional<Eigen::Vector2d> RefineMatch(const cv::Mat& left, int x, int y, const cv::Mat& right,
                                            const Eigen::Vector2d& start, double max_row_offset_px) {
-  constexpr int kPixels = kSide * kSide;
-  std::array<float, kPixels> reference, gradient_x, gradient_y, current;
-  Eigen::Matrix3f normal = Eigen::Matrix3f::Zero();
-  for (int row = 0, i = 0; row < kSide; ++row) {
-    const uint8_t* p = left.ptr<uint8_t>(y - kRadius + row, x - kRadius);
-    const auto step = static_cast<ptrdiff_t>(left.step[0]);
-    for (int column = 0; column < kSide; ++column, ++p, ++i) {
-      reference[i] = *p;
-      gradient_x[i] = 0.5f * (p[1] - p[-1]);
-      gradient_y[i] = 0.5f * (p[step] - p[-step]);
-      const Eigen::Vector3f jacobian(gradient_x[i], gradient_y[i], 1);
-      normal += jacobian * jacobian.transpose();
-    }
-  }
-  // The third unknown is a brightness offset between the cameras.
-  const Eigen::Matrix3f inverse = (normal + 1e-3f * Eigen::Matrix3f::Identity()).inverse();
+  const PatchTemplate patch(left, x, y);
   Eigen::Vector2d place = start;
   for (int iteration = 0; iteration < 6; ++iteration) {
-    if (place.x() < kRadius + 1 || place.x() > right.cols - kRadius - 3 || place.y() < kRadius + 1 ||
+    if (place.x() < kRadius + 1 || place.x() > right.cols - kLanes + kRadius - 2 || place.y() < kRadius + 1 ||
         place.y() > right.rows - kRadius - 3) {
       return std::nullopt;
     }
-    SampleBilinear<kSide>(right, place.x(), place.y(), current);
-    Eigen::Vector3f gradient = Eigen::Vector3f::Zero();
-    for (int i = 0; i < kPixels; ++i) {
-      const float error = reference[i] - current[i];
-      gradient += error * Eigen::Vector3f(gradient_x[i], gradient_y[i], 1);
-    }
-    const Eigen::Vector3f step = inverse * gradient;
-    place += step.head<2>().cast<double>();
-    if ((place - start).cwiseAbs().maxCoeff() > std::max(1.5, max_row_offset_px)) return std::nullopt;
-    if (step.head<2>().squaredNorm() < 1e-4f) break;
+    const Eigen::Vector2d step = patch.StepTowards(right, place.x(), place.y());
+    place += step;
+    if (!((place - start).cwiseAbs().maxCoeff() < std::max(1.5, max_row_offset_px))) return std::nullopt;
+    if (step.squaredNorm() < 1e-4) break;
   }
   if (std::abs(place.y() - y) > max_row_offset_px) return std::nullopt;
   return place;
@@ -129,8 +157,10 @@ float FindDisparity(const Feature& feature, const ImagePyramid& left, const Imag
   const int y = static_cast<int>(std::lround(LevelFromFullSize(feature.y_px, scale)));
   const double max_disparity = rig.DisparityAt(options.min_depth_m) / scale;
   const int x_first = std::max(kRadius + 1, static_cast<int>(x - max_disparity));
-  const int x_last = std::min(x + 1, right_image.cols - kLoadBytes + kRadius);
-  if (x_last < x_first || y < kRadius + 1 || y >= right_image.rows - kRadius - 1) return Feature::kNoDisparity;
+  const int x_last = std::min(x + 1, right_image.cols - kLoadBytes + kRadius - 1);
+  const bool patch_is_inside = x >= kRadius + 1 && x <= left_image.cols - kLanes + kRadius - 1 &&
+                               y >= kRadius + 1 && y < left_image.rows - kRadius - 1;
+  if (!patch_is_inside || x_last < x_first) return Feature::kNoDisparity;
 
   const std::optional<int> best = SearchRow(LoadPatch(left_image, x, y), right_image, y, x_first, x_last,
                                             options, scratch);

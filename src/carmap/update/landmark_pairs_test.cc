@@ -70,7 +70,7 @@ TEST(LandmarkCovariance, GrowsAlongTheLineOfSight) {
     lean.landmarks.push_back(landmark);
   }
   const ReconstructedMap map = Reconstruct(lean);
-  const MeasurementNoise noise;
+  const MeasurementNoise noise{.pixel_px = 1, .disparity_px = 0.7};
   const Eigen::Matrix3d near = LandmarkCovariance(map, 0, noise);
   const Eigen::Matrix3d far = LandmarkCovariance(map, 1, noise);
   const double depth_sigma_m = 40 * 40 / (718 * 0.54) * noise.disparity_px;
