@@ -105,6 +105,11 @@ absl::Status CheckWritable(const fs::path& path) {
     return absl::InvalidArgumentError(
         fmt::format("{}: is a folder; name a file to write", path.string()));
   }
+  if (fs::exists(path, error) && !fs::is_regular_file(path, error)) {
+    return absl::InvalidArgumentError(
+        fmt::format("{}: is a device, not a file, and would be replaced; name a file to write",
+                    path.string()));
+  }
   if (::access(ParentOf(path).c_str(), W_OK | X_OK) != 0) return WriteError(path, errno);
   return absl::OkStatus();
 }

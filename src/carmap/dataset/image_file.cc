@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <cstring>
 #include <opencv2/imgcodecs.hpp>
 #include <optional>
 #include <string>
@@ -188,6 +189,14 @@ absl::StatusOr<cv::Mat> ReadGreyImage(const fs::path& path) {
         "{}: the image is damaged and cannot be decoded; copy it again", path.string()));
   }
   return image;
+}
+
+bool HaveSamePixels(const cv::Mat& a, const cv::Mat& b) {
+  if (a.size() != b.size()) return false;
+  for (int row = 0; row < a.rows; ++row) {
+    if (std::memcmp(a.ptr(row), b.ptr(row), static_cast<size_t>(a.cols)) != 0) return false;
+  }
+  return true;
 }
 
 }  // namespace carmap

@@ -19,4 +19,7 @@ bool HasImageExtension(const std::filesystem::path& path);
 /// outside 64×32 to 16384×16384 px).
 absl::StatusOr<cv::Mat> ReadGreyImage(const std::filesystem::path& path);
 
+/// Two grey images of the same size, equal in each pixel: what a frozen camera gives, and no other.
+bool HaveSamePixels(const cv::Mat& a, const cv::Mat& b);
+
 }  // namespace carmap

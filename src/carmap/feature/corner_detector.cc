@@ -63,8 +63,8 @@ Vector Scores(const uint8_t* center, const std::array<ptrdiff_t, 16>& offsets) {
   return hn::Max(BestArc(brighter), BestArc(darker));
 }
 
-/// Scores of one row, zero where below the threshold. Works in whole vectors: the last one is moved
-/// left to end at x_end, so it may compute some pixels twice.
+/// Scores of one row, zero where below the threshold and right of x_end. Works in whole vectors: the last
+/// one is moved left to end at x_end if it can, so it may compute some pixels twice.
 void ScoreRow(const cv::Mat& image, int y, int x_begin, int x_end, uint8_t threshold, uint8_t* scores) {
   const Bytes d;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -75,7 +75,7 @@ void ScoreRow(const cv::Mat& image, int y, int x_begin, int x_end, uint8_t thres
   const uint8_t* row = image.ptr<uint8_t>(y);
   const Vector limit = hn::Set(d, threshold);
   for (int x = x_begin; x < x_end; x += lanes) {
-    x = std::min(x, x_end - lanes);
+    x = std::max(x_begin, std::min(x, x_end - lanes));
     Vector score = hn::Zero(d);
     if (MayHoldCorner(row + x, offsets, limit)) {
       score = Scores(row + x, offsets);
@@ -83,6 +83,15 @@ void ScoreRow(const cv::Mat& image, int y, int x_begin, int x_end, uint8_t thres
     }
     hn::StoreU(score, d, scores + x);
   }
+  std::fill(scores + x_end, scores + std::max(x_end, x_begin + lanes), uint8_t{0});
+}
+
+/// The image with as many more columns as whole vectors from x_begin on need. They do not matter.
+cv::Mat WideEnough(const cv::Mat& image, int x_begin, int x_end, int lanes) {
+  if (x_end - x_begin >= lanes) return image;
+  cv::Mat wide = cv::Mat::zeros(image.rows, image.cols + lanes, CV_8UC1);
+  image.copyTo(wide.colRange(0, image.cols));
+  return wide;
 }
 
 /// Appends the pixels of the middle row that are local maxima. Of equal neighbours the first wins.
@@ -114,7 +123,8 @@ std::vector<Corner> DetectCorners(const cv::Mat& image, int threshold, int margi
   std::vector<Corner> corners;
   const int lanes = static_cast<int>(hn::Lanes(Bytes()));
   const int x_begin = margin, x_end = image.cols - margin;
-  if (x_end - x_begin < lanes || image.rows <= 2 * margin) return corners;
+  if (x_end <= x_begin || image.rows <= 2 * margin) return corners;
+  const cv::Mat wide_image = WideEnough(image, x_begin, x_end, lanes);
 
   // Scores of three neighbouring rows, with room for whole vectors around them.
   const int stride = image.cols + 2 * lanes;
@@ -122,7 +132,7 @@ std::vector<Corner> DetectCorners(const cv::Mat& image, int threshold, int margi
   const auto scores_of = [&](int y) { return buffer.data() + (y % 3) * stride + lanes; };
   const auto fill = [&](int y) {
     if (y >= margin && y < image.rows - margin) {
-      ScoreRow(image, y, x_begin, x_end, static_cast<uint8_t>(threshold), scores_of(y));
+      ScoreRow(wide_image, y, x_begin, x_end, static_cast<uint8_t>(threshold), scores_of(y));
     } else {
       std::fill_n(scores_of(y), image.cols, uint8_t{0});
     }

@@ -16,6 +16,9 @@ class FeatureGrid {
   FeatureGrid(const std::vector<Feature>& features, int width_px, int height_px);
 
   const std::vector<Feature>& features() const { return *features_; }
+  /// The features of cell c are feature_idxs()[cell_begins()[c] .. cell_begins()[c + 1]).
+  const std::vector<uint32_t>& cell_begins() const { return cell_begin_; }
+  const std::vector<uint32_t>& feature_idxs() const { return feature_idxs_; }
 
   /// Calls `visit(feature_idx)` for each feature within the square of this half side around (x, y).
   template <typename Visit>

@@ -85,9 +85,10 @@ std::vector<Corner> SpreadEvenly(const std::vector<Corner>& corners, const cv::S
   return kept;
 }
 
-std::vector<Feature> ExtractLevel(const cv::Mat& image, int level, size_t count, int threshold) {
-  const std::vector<Corner> corners =
-      SpreadEvenly(DetectCorners(image, threshold, kMargin), image.size(), count);
+std::vector<Feature> ExtractLevel(const cv::Mat& image, int level, size_t count, const OrbOptions& options) {
+  std::vector<Corner> corners = DetectCorners(image, options.corner_threshold, kMargin);
+  if (corners.size() < count) corners = DetectCorners(image, options.weak_corner_threshold, kMargin);
+  corners = SpreadEvenly(corners, image.size(), count);
   std::vector<Feature> features;
   if (corners.empty()) return features;
 
@@ -121,8 +122,7 @@ std::vector<Feature> ExtractOrb(const ImagePyramid& pyramid, const OrbOptions& o
   tbb::parallel_for(0, kLevelCount, [&](int level) {
     const double share = first_share * std::pow(ratio, level);
     by_level[level] = ExtractLevel(pyramid[level], level,
-                                   static_cast<size_t>(options.feature_count * share),
-                                   options.corner_threshold);
+                                   static_cast<size_t>(options.feature_count * share), options);
   });
   std::vector<Feature> features;
   for (const auto& level_features : by_level) {

@@ -13,8 +13,9 @@
 namespace carmap {
 
 struct OrbOptions {
-  int feature_count = 1600;   ///< at most, over all levels
-  int corner_threshold = 10;  ///< least contrast of a corner, grey values
+  int feature_count = 1600;       ///< at most, over all levels
+  int corner_threshold = 20;      ///< least contrast of a corner, grey values
+  int weak_corner_threshold = 7;  ///< the same, on levels with too few strong corners
 };
 
 /// Features in the order of their levels. They have no disparity yet.

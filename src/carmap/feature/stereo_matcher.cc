@@ -62,7 +62,7 @@ std::optional<int> SearchRow(const PatchRows& patch, const cv::Mat& right, int y
   for (auto other = differences.begin(); other != differences.end(); ++other) {
     if (std::abs(other - best) > 2) second = std::min(second, *other);
   }
-  if (second < options.uniqueness * *best) return std::nullopt;
+  if (second <= options.uniqueness * *best) return std::nullopt;
   return x_first + static_cast<int>(best - differences.begin());
 }
 

@@ -61,6 +61,7 @@ void AppendKeyframes(const LeanMap& lean, std::string& out) {
     for (const double value : {camera.fx, camera.fy, camera.cx, camera.cy, drive.rig.baseline_m}) {
       AppendDouble(value, out);
     }
+    for (const double value : drive.rig.disparity_bias.coefficients_px) AppendDouble(value, out);
     AppendUint(static_cast<uint32_t>(camera.width), out);
     AppendUint(static_cast<uint32_t>(camera.height), out);
   }

@@ -28,7 +28,7 @@ constexpr uint64_t kMaxDrives = uint64_t{1} << 16;
 constexpr uint64_t kMaxKeyframes = uint64_t{1} << 24;
 constexpr uint64_t kMaxLandmarks = uint64_t{1} << 28;
 constexpr uint64_t kMaxObservations = uint64_t{1} << 36;
-constexpr size_t kDriveBytes = 56;
+constexpr size_t kDriveBytes = 80;
 constexpr size_t kDescriptorBytes = 32;
 
 /// How many records of each kind the columns hold.
@@ -141,6 +141,7 @@ std::string EncodeDrives(const std::vector<LeanDrive>& drives) {
     for (const double value : {camera.fx, camera.fy, camera.cx, camera.cy, drive.rig.baseline_m}) {
       AppendDouble(value, out);
     }
+    for (const double value : drive.rig.disparity_bias.coefficients_px) AppendDouble(value, out);
     AppendUint(static_cast<uint32_t>(camera.width), out);
     AppendUint(static_cast<uint32_t>(camera.height), out);
   }
@@ -349,6 +350,7 @@ absl::StatusOr<std::vector<LeanDrive>> DecodeDrives(std::string_view bytes, size
     for (double* value : {&camera.fx, &camera.fy, &camera.cx, &camera.cy, &drive.rig.baseline_m}) {
       *value = reader.Double();
     }
+    for (double& value : drive.rig.disparity_bias.coefficients_px) value = reader.Double();
     camera.width = static_cast<int>(reader.Uint<uint32_t>());
     camera.height = static_cast<int>(reader.Uint<uint32_t>());
   }

@@ -100,6 +100,16 @@ TEST(LeanCodec, KeepsDecimalGpsFixesExactly) {
   EXPECT_EQ(DecodeLeanMap(Encode(map), "bytes")->keyframes[1].gps, fix);
 }
 
+TEST(LeanCodec, KeepsRigsExactly) {
+  LeanMap map = SmallStreet();
+  map.drives[0].rig.disparity_bias.coefficients_px = {0.1, -0.3, 100};
+  map.drives[1].rig.disparity_bias = {};
+  const LeanMap back = DecodeLeanMap(Encode(map), "bytes").value();
+  for (size_t i = 0; i < 2; ++i) EXPECT_EQ(back.drives[i].rig, map.drives[i].rig);
+  map.drives[0].rig.disparity_bias.coefficients_px.z() = 100.5;
+  EXPECT_THAT(std::string(EncodeLeanMap(map).status().message()), HasSubstr("drive 0"));
+}
+
 TEST(LeanCodec, KeepsHalfTurns) {
   LeanMap map = SmallStreet();
   const double s = std::sqrt(0.5);
@@ -285,7 +295,8 @@ LeanMap GoldenMap() {
   LeanMap map;
   map.drives = {
       {{0x1122334455667788}, {{707.0912, 707.0912, 601.8873, 183.1104, 1226, 370}, 0.5372}},
-      {{0x99aabbccddeeff00}, {{700, 701, 600, 180, 1200, 360}, 0.25}}};
+      {{0x99aabbccddeeff00},
+       {{700, 701, 600, 180, 1200, 360}, 0.25, {Eigen::Vector3d(0.25, -0.0625, 0.5)}}}};
   const auto add_keyframe = [&](size_t drive, uint32_t index, int64_t ns,
                                 const GridVector& rotation, const Eigen::Vector3d& translation,
                                 std::optional<GpsFix> gps) {

@@ -28,6 +28,7 @@ LeanDrive RandomDrive(Dice& dice) {
   drive.rig.camera = {
       dice.Between(300, 1000), dice.Between(300, 1000), 601.887, 183.110, 1226, 370};
   drive.rig.baseline_m = dice.Between(0.1, 1);
+  for (double& value : drive.rig.disparity_bias.coefficients_px) value = dice.Between(-1, 1);
   return drive;
 }
 

@@ -24,6 +24,24 @@ using Tree = nanoflann::KDTreeSingleIndexAdaptor<
     nanoflann::L2_Simple_Adaptor<double, Cloud, double, uint32_t>, Cloud, 3, uint32_t>;
 using Hit = std::pair<uint32_t, double>;  ///< point and its squared distance
 
+/// Appends the node and all below it; returns its number.
+uint32_t AppendNode(const Tree::Node& node, uint32_t& node_count, KdTreeTables& tables) {
+  const uint32_t number = node_count++;
+  if (node.child1 == nullptr) {
+    tables.links.push_back(static_cast<uint32_t>(node.node_type.lr.left));
+    tables.links.push_back(static_cast<uint32_t>(node.node_type.lr.right));
+    return number;
+  }
+  const size_t place = tables.links.size();
+  tables.links.resize(place + 3);
+  tables.splits.push_back(static_cast<float>(node.node_type.sub.divlow));
+  tables.splits.push_back(static_cast<float>(node.node_type.sub.divhigh));
+  tables.links[place] = static_cast<uint32_t>(node.node_type.sub.divfeat);
+  tables.links[place + 1] = AppendNode(*node.child1, node_count, tables);
+  tables.links[place + 2] = AppendNode(*node.child2, node_count, tables);
+  return number;
+}
+
 std::vector<uint32_t> NearestFirst(std::vector<Hit> hits) {
   std::sort(hits.begin(), hits.end(), [](const Hit& a, const Hit& b) {
     return std::pair(a.second, a.first) < std::pair(b.second, b.first);
@@ -51,6 +69,14 @@ KdTree::KdTree(KdTree&&) noexcept = default;
 KdTree& KdTree::operator=(KdTree&&) noexcept = default;
 
 const std::vector<Eigen::Vector3d>& KdTree::points() const { return impl_->cloud.points; }
+
+KdTreeTables KdTree::Tables() const {
+  KdTreeTables tables;
+  tables.links = impl_->tree.vAcc;
+  uint32_t node_count = 0;
+  if (impl_->tree.root_node != nullptr) AppendNode(*impl_->tree.root_node, node_count, tables);
+  return tables;
+}
 
 std::vector<uint32_t> KdTree::WithinRadius(const Eigen::Vector3d& center, double radius_m) const {
   if (size() == 0) return {};

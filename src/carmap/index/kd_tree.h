@@ -11,6 +11,14 @@
 
 namespace carmap {
 
+/// A tree as plain numbers, the form in which a file that stored it would have it.
+struct KdTreeTables {
+  /// First the points in the order of the leaves. Then the nodes, parents before children: of a
+  /// leaf where its points begin and end, of any other its axis and its two children.
+  std::vector<uint32_t> links;
+  std::vector<float> splits;  ///< two of each node that is no leaf: where its children's spaces end
+};
+
 class KdTree {
  public:
   /// Coordinates must be finite.
@@ -26,6 +34,9 @@ class KdTree {
   std::vector<uint32_t> WithinRadius(const Eigen::Vector3d& center, double radius_m) const;
   /// Indices of the `count` nearest points, or of all if there are fewer, in the same order.
   std::vector<uint32_t> Nearest(const Eigen::Vector3d& center, size_t count) const;
+
+  /// For measuring what the tree would take in a file (§5.4).
+  KdTreeTables Tables() const;
 
  private:
   struct Impl;

@@ -62,5 +62,18 @@ TEST(KdTree, TakesNoPointsOnePointAndManyEqualPoints) {
   EXPECT_THAT(moved.Nearest({2, 0, 0}, 1), ElementsAre(1));
 }
 
+TEST(KdTree, TablesHoldEachPointOnceAndEachSplit) {
+  const auto points = RandomPoints(500);
+  const KdTreeTables tables = KdTree(points).Tables();
+  std::vector<uint32_t> order(tables.links.begin(), tables.links.begin() + 500);
+  std::sort(order.begin(), order.end());
+  for (uint32_t i = 0; i < 500; ++i) EXPECT_EQ(order[i], i);
+  // A tree with n inner nodes has n + 1 leaves.
+  const size_t inner_nodes = tables.splits.size() / 2;
+  EXPECT_GE(inner_nodes, 50u);
+  EXPECT_EQ(tables.links.size(), 500 + 3 * inner_nodes + 2 * (inner_nodes + 1));
+  EXPECT_THAT(KdTree().Tables().links, IsEmpty());
+}
+
 }  // namespace
 }  // namespace carmap

@@ -211,7 +211,8 @@ const StereoRig& RigOf(const ReconstructedMap& map, uint32_t keyframe_idx) {
 }
 
 std::vector<Feature> FeaturesOf(const ReconstructedMap& map, uint32_t keyframe_idx) {
-  const double shift = LevelShift(map.focal_length_px, RigOf(map, keyframe_idx).camera.fx);
+  const StereoRig& rig = RigOf(map, keyframe_idx);
+  const double shift = LevelShift(map.focal_length_px, rig.camera.fx);
   std::vector<Feature> features;
   for (const KeyframeFeature& seen : map.features_of_keyframe[keyframe_idx]) {
     const SnapshotLandmark& landmark = map.snapshot.landmarks[seen.landmark_idx];
@@ -219,7 +220,8 @@ std::vector<Feature> FeaturesOf(const ReconstructedMap& map, uint32_t keyframe_i
     features.push_back(
         {.x_px = seen.px.x(),
          .y_px = seen.px.y(),
-         .disparity_px = seen.disparity_px,
+         .disparity_px = seen.disparity_px + static_cast<float>(rig.disparity_bias.At(
+                                                 (seen.px.x() - rig.camera.cx) / rig.camera.fx)),
          .level = static_cast<uint8_t>(std::clamp<long>(std::lround(level), 0, kLevelCount - 1)),
          .descriptor = landmark.descriptor});
   }

@@ -28,7 +28,7 @@ struct KeyframeFeature {
   uint32_t landmark_idx = 0;
   Eigen::Vector3f p_in_camera = Eigen::Vector3f::Zero();  ///< equation 1
   Eigen::Vector2f px = Eigen::Vector2f::Zero();
-  float disparity_px = 0;
+  float disparity_px = 0;  ///< without the rig's bias
 };
 
 struct CovisibleKeyframe {
@@ -87,8 +87,8 @@ ReconstructedMap Reconstruct(const LeanMap& map,
 /// The rig that the keyframe's drive saw with.
 const StereoRig& RigOf(const ReconstructedMap& map, uint32_t keyframe_idx);
 
-/// The keyframe's features with signature and level, in the order of features_of_keyframe: a frame
-/// that can be matched like one from a camera.
+/// The keyframe's features with signature, level and disparity as its rig measures it, in the order
+/// of features_of_keyframe: a frame that can be matched like one from a camera.
 std::vector<Feature> FeaturesOf(const ReconstructedMap& map, uint32_t keyframe_idx);
 
 }  // namespace carmap

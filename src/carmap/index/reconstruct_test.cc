@@ -63,6 +63,20 @@ TEST(Reconstruct, KeyframeFeaturesAreWhatTheCameraSaw) {
   EXPECT_EQ(same, map.features_of_keyframe[10].size());
 }
 
+TEST(Reconstruct, KeyframeFeaturesHaveTheBiasOfTheirRig) {
+  LeanMap lean = StreetMap();
+  const ReconstructedMap plain = Reconstruct(lean);
+  StereoRig& rig = lean.drives[0].rig;
+  rig.disparity_bias.coefficients_px = {0.3, -0.2, 0.5};
+  const ReconstructedMap biased = Reconstruct(lean);
+  const auto perfect = FeaturesOf(plain, 10), measured = FeaturesOf(biased, 10);
+  ASSERT_EQ(perfect.size(), measured.size());
+  for (size_t i = 0; i < perfect.size(); ++i) {
+    EXPECT_NEAR(rig.WithoutBias(measured[i].x_px, measured[i].disparity_px),
+                perfect[i].disparity_px, 1e-4);
+  }
+}
+
 TEST(Reconstruct, DerivesVisibilityFromTheViewers) {
   const LeanMap lean = StreetMap();
   const ReconstructedMap map = Reconstruct(lean);

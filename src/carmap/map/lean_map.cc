@@ -20,8 +20,10 @@ bool IsUsable(const StereoRig& rig) {
   const bool is_finite = std::isfinite(camera.fx) && std::isfinite(camera.fy) &&
                          std::isfinite(camera.cx) && std::isfinite(camera.cy) &&
                          std::isfinite(rig.baseline_m);
+  const Eigen::Vector3d& bias_px = rig.disparity_bias.coefficients_px;
+  constexpr double kMaxBiasPx = 100;
   return is_finite && camera.fx > 0 && camera.fy > 0 && camera.width > 0 && camera.height > 0 &&
-         rig.baseline_m > 0;
+         rig.baseline_m > 0 && bias_px.allFinite() && bias_px.cwiseAbs().maxCoeff() <= kMaxBiasPx;
 }
 
 bool IsRigid(const Rigid3& transform) {

@@ -53,7 +53,7 @@ class EditApplication {
     if (landmark == map_.landmarks_.end()) return false;
     auto& observations = landmark->second.observations;
     const auto place = FirstNotBefore(observations, removed.observation.keyframe_id);
-    if (!Holds(observations, place, removed.observation.keyframe_id)) return false;
+    if (place == observations.end() || *place != removed.observation) return false;
     map_.landmarks_of_.at(place->keyframe_id)[place->feature_idx].reset();
     observations.erase(place);
     RemoveIfUnseen(removed.landmark_id);

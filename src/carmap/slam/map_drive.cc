@@ -2,47 +2,45 @@
 
 #include <fmt/format.h>
 
-#include <atomic>
-#include <cstring>
+#include <condition_variable>
 #include <memory>
 #include <mutex>
 #include <thread>
 #include <utility>
 
 #include "carmap/base/bounded_queue.h"
+#include "carmap/base/run_ahead.h"
 #include "carmap/base/stopwatch.h"
+#include "carmap/dataset/image_file.h"
+#include "carmap/dataset/read_ahead.h"
 
 namespace carmap {
 namespace {
 
-using FrameOrError = absl::StatusOr<std::optional<StereoFrame>>;
-
 /// Where the tracker hands keyframes in and finds the newest local map, on one thread or two.
 class MappingStage {
  public:
-  MappingStage(LocalMapper mapper, bool sequential)
-      : mapper_(std::move(mapper)), sequential_(sequential), queue_(kQueueLength) {}
+  MappingStage(LocalMapper mapper, bool sequential) : mapper_(std::move(mapper)), queue_(1) {
+    if (sequential) return;
+    thread_ = std::thread([this] {
+      while (auto keyframe = queue_.Pop()) Publish(mapper_.Insert(*keyframe));
+    });
+  }
   ~MappingStage() { Finish(); }
 
   void Insert(NewKeyframe keyframe) {
-    // There is nothing to track in before the first keyframe is in the map, so it is waited for.
     ++inserted_;
-    if (sequential_ || inserted_ == 1) return Publish(mapper_.Insert(keyframe));
-    if (!thread_.joinable()) {
-      thread_ = std::thread([this] {
-        while (auto next = queue_.Pop()) Publish(mapper_.Insert(*next));
-      });
+    if (thread_.joinable()) {
+      queue_.Push(std::move(keyframe));
+    } else {
+      Publish(mapper_.Insert(keyframe));
     }
-    queue_.Push(std::move(keyframe));
   }
-  std::shared_ptr<const LocalMap> local_map() const {
-    const std::lock_guard lock(mutex_);
+  /// The map with all keyframes inserted so far; null before the first. Waits until it is there.
+  std::shared_ptr<const LocalMap> WaitForMap() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return published_ == inserted_; });
     return local_map_;
-  }
-  /// False while the local map does not hold all keyframes yet.
-  bool IsUpToDate() const {
-    const std::lock_guard lock(mutex_);
-    return published_ == inserted_;
   }
   size_t inserted() const { return inserted_; }
   const LocalMapper& Finish() {
@@ -52,71 +50,77 @@ class MappingStage {
   }
 
  private:
-  static constexpr size_t kQueueLength = 2;
-
   void Publish(std::shared_ptr<const LocalMap> local_map) {
     const std::lock_guard lock(mutex_);
     local_map_ = std::move(local_map);
     ++published_;
+    changed_.notify_one();
   }
 
   LocalMapper mapper_;
-  const bool sequential_;
   BoundedQueue<NewKeyframe> queue_;
-  mutable std::mutex mutex_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
   std::shared_ptr<const LocalMap> local_map_;
   size_t published_ = 0;
-  size_t inserted_ = 0;
+  size_t inserted_ = 0;  ///< the tracker's own
   std::thread thread_;
 };
 
-/// Frames of a source, read ahead on a thread of its own unless sequential.
-class ReadingStage {
- public:
-  ReadingStage(FrameSource& source, bool sequential) : source_(source), queue_(kQueueLength) {
-    if (sequential) return;
-    thread_ = std::thread([this] {
-      for (size_t i = 0; i < source_.frame_count(); ++i) {
-        if (!queue_.Push(ReadTimed())) return;
-      }
-      queue_.Close();
-    });
-  }
-  ~ReadingStage() {
-    queue_.Close();
-    if (thread_.joinable()) thread_.join();
-  }
+/// A frame as it leaves the front end.
+struct ExtractedFrame {
+  uint32_t index = 0;
+  Timestamp timestamp;
+  std::optional<GpsFix> gps;
+  std::shared_ptr<const std::vector<Feature>> features;  ///< null if the frame cannot be used
+  std::string unusable_because;
+  FrontEndTimes times;
+  double front_end_ms = 0;
+};
 
-  FrameOrError Next() {
-    if (!thread_.joinable()) return ReadTimed();
-    auto frame = queue_.Pop();
-    return frame ? std::move(*frame) : FrameOrError(std::nullopt);
-  }
-  double read_ms() const { return read_ms_; }
+/// Reads and extracts, ahead of the tracker.
+class FrontEndStage {
+ public:
+  FrontEndStage(FrameSource& source, const FrontEndOptions& options, bool sequential)
+      : source_(source),
+        options_(options),
+        reader_(source, sequential),
+        frames_(source.frame_count(), sequential, [this] { return Extract(); }) {}
+
+  ExtractedFrame Next() { return frames_.Next().value(); }
+  double read_ms() const { return reader_.read_ms(); }
 
  private:
-  static constexpr size_t kQueueLength = 2;
-
-  FrameOrError ReadTimed() {
+  ExtractedFrame Extract() {
+    const size_t n = count_++;
+    ExtractedFrame result{.index = source_.first_index() + static_cast<uint32_t>(n),
+                          .timestamp = source_.timestamp(n)};
+    const auto read = reader_.Next();
+    if (!read.ok()) {
+      result.unusable_because = std::string(read.status().message());
+      return result;
+    }
+    const StereoFrame& frame = **read;
+    if (HaveSamePixels(frame.left, previous_left_)) {
+      result.unusable_because = "the image is the same as the one before: the camera was frozen";
+      return result;
+    }
+    previous_left_ = frame.left;
     const Stopwatch watch;
-    FrameOrError frame = source_.Next();
-    read_ms_ += watch.ElapsedMs();
-    return frame;
+    result.gps = frame.gps;
+    result.features = std::make_shared<const std::vector<Feature>>(
+        ExtractStereoFeatures(frame.left, frame.right, source_.rig(), options_, &result.times));
+    result.front_end_ms = watch.ElapsedMs();
+    return result;
   }
 
   FrameSource& source_;
-  BoundedQueue<FrameOrError> queue_;
-  std::atomic<double> read_ms_ = 0;
-  std::thread thread_;
+  const FrontEndOptions options_;
+  size_t count_ = 0;
+  cv::Mat previous_left_;
+  ReadAhead reader_;
+  RunAhead<ExtractedFrame> frames_;
 };
-
-bool SamePixels(const cv::Mat& a, const cv::Mat& b) {
-  if (a.size() != b.size()) return false;
-  for (int row = 0; row < a.rows; ++row) {
-    if (std::memcmp(a.ptr(row), b.ptr(row), static_cast<size_t>(a.cols)) != 0) return false;
-  }
-  return true;
-}
 
 /// Poses in the finished map: each frame moved along with its reference keyframe.
 Trajectory FinalTrajectory(const Map& map, const std::vector<TrackedFrame>& frames,
@@ -132,56 +136,45 @@ Trajectory FinalTrajectory(const Map& map, const std::vector<TrackedFrame>& fram
   return trajectory;
 }
 
+void CountTimes(const ExtractedFrame& frame, double track_ms, MappedDrive& result) {
+  result.frame_ms.push_back(frame.front_end_ms + track_ms);
+  result.stage_ms["pyramid"] += frame.times.pyramid_ms;
+  result.stage_ms["extract"] += frame.times.extract_ms;
+  result.stage_ms["stereo"] += frame.times.stereo_ms;
+  result.stage_ms["track"] += track_ms;
+}
+
 }  // namespace
 
 absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id, const MapDriveOptions& options,
                                      const MapProgress& progress) {
   MappedDrive result;
-  ReadingStage reading(source, options.sequential);
+  FrontEndStage front_end(source, options.front_end, options.sequential);
   Tracker tracker(options.tracker);
   MappingStage mapping(LocalMapper(source.rig(), drive_id, options.mapper), options.sequential);
   std::vector<TrackedFrame> frames;
   std::vector<Timestamp> timestamps;
-  cv::Mat previous_left;
 
   for (size_t n = 0; n < source.frame_count(); ++n) {
-    FrameOrError read = reading.Next();
-    if (!read.ok()) {
-      frames.emplace_back().lost_because = std::string(read.status().message());
-      timestamps.push_back(source.timestamp(n));
-    } else {
-      const StereoFrame& frame = **read;
+    const ExtractedFrame frame = front_end.Next();
+    TrackedFrame& tracked = frames.emplace_back();
+    timestamps.push_back(frame.timestamp);
+    if (frame.features) {
+      const auto local_map = mapping.WaitForMap();
       const Stopwatch watch;
-      TrackedFrame tracked;
-      if (SamePixels(frame.left, previous_left)) {
-        tracked.lost_because = "the image is the same as the one before: the camera was frozen";
-      } else {
-        FrontEndTimes times;
-        auto features = std::make_shared<const std::vector<Feature>>(
-            ExtractStereoFeatures(frame.left, frame.right, source.rig(), options.front_end, &times));
-        const Stopwatch tracking_watch;
-        const auto local_map = mapping.local_map();
-        tracked = tracker.Track(frame.timestamp, *features, local_map.get());
-        result.stage_ms["track"] += tracking_watch.ElapsedMs();
-        result.frame_ms.push_back(watch.ElapsedMs());
-        result.stage_ms["pyramid"] += times.pyramid_ms;
-        result.stage_ms["extract"] += times.extract_ms;
-        result.stage_ms["stereo"] += times.stereo_ms;
-        if (tracked.wants_keyframe && mapping.IsUpToDate()) {
-          const KeyframeId id{drive_id, frame.index};
-          mapping.Insert({{id, frame.timestamp, tracked.map_from_camera, frame.gps, features},
-                          tracked.landmark_of_feature});
-          tracked.reference = id;
-          tracked.camera_from_reference = {};
-        }
+      tracked = tracker.Track(frame.timestamp, *frame.features, local_map.get());
+      CountTimes(frame, watch.ElapsedMs(), result);
+      if (tracked.wants_keyframe) {
+        const KeyframeId id{drive_id, frame.index};
+        mapping.Insert({{id, frame.timestamp, tracked.map_from_camera, frame.gps, frame.features},
+                        tracked.landmark_of_feature});
+        tracked.reference = id;
+        tracked.camera_from_reference = {};
       }
-      previous_left = frame.left;
-      frames.push_back(std::move(tracked));
-      timestamps.push_back(frame.timestamp);
+    } else {
+      tracked.lost_because = frame.unusable_because;
     }
-    if (!frames.back().reference) {
-      result.lost_frames.push_back({source.first_index() + static_cast<uint32_t>(n), frames.back().lost_because});
-    }
+    if (!tracked.reference) result.lost_frames.push_back({frame.index, tracked.lost_because});
     if (progress) progress(n + 1, mapping.inserted());
   }
 
@@ -194,7 +187,7 @@ absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id, cons
   result.map = mapper.map();
   result.rig = mapper.rig();
   result.trajectory = FinalTrajectory(result.map, frames, timestamps);
-  result.stage_ms["read"] = reading.read_ms();
+  result.stage_ms["read"] = front_end.read_ms();
   for (const auto& [step, ms] : mapper.step_ms()) result.stage_ms["map_" + step] = ms;
   return result;
 }

@@ -1,7 +1,9 @@
 // From a drive to a map: reader, front end, tracker and local mapper wired together (paper §2).
 //
-// By default three threads work: one reads ahead, one tracks, one maps. Sequentially the same stages run
-// one after the other on the caller's thread, and the same drive gives the same map to the last bit.
+// By default each stage has a thread of its own: reading and feature extraction work ahead while the
+// mapper takes a keyframe in. The tracker waits for the mapper, so that it always sees the map that a
+// vehicle at 10 frames a second would see, and threads never change the result: the same drive gives
+// the same map to the last bit, also sequentially, where all stages run on the caller's thread.
 #pragma once
 
 #include <absl/status/statusor.h>

@@ -39,6 +39,11 @@ std::optional<TrackedPose> Tracker::FindPose(const FeatureGrid& grid, const Loca
   const auto& [map, rig] = local;
   const std::vector<uint32_t> landmark_idxs = AllLandmarks(map);
   TrackingOptions tracking = options_.tracking;
+  if (!last_ || last_->interval_s <= 0) {
+    // Nothing tells the speed: as seen from where the vehicle was, only distant landmarks are where
+    // they should be, and they agree on a wrong pose.
+    if (auto pose = TrackByAppearance(map, landmark_idxs, grid, rig, tracking, /*seed=*/1)) return pose;
+  }
   auto pose = TrackByProjection(map, landmark_idxs, grid, rig, predicted_camera_from_map, tracking);
   if (pose) return pose;
   tracking.first_radius_px *= 4;

@@ -81,8 +81,9 @@ class PnpRansac {
     const PinholeCamera& c = rig_.camera;
     const cv::Matx33d intrinsics(c.fx, 0, c.cx, 0, c.fy, c.cy, 0, 0, 1);
     std::vector<cv::Vec3d> rotations, translations;
+    // OpenCV's other solver, AP3P, gives other last bits from run to run.
     cv::solveP3P(points, pixels, intrinsics, cv::noArray(), rotations, translations,
-                 cv::SOLVEPNP_AP3P);
+                 cv::SOLVEPNP_P3P);
     std::vector<Rigid3> poses;
     for (size_t i = 0; i < rotations.size(); ++i) {
       const Eigen::Vector3d turn(rotations[i].val), translation(translations[i].val);

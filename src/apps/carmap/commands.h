@@ -1,0 +1,28 @@
+// The subcommands of the program.
+//
+// Each Add…Command teaches the parser one subcommand. When it was asked for, the parser leaves in
+// `chosen` what is to be done. Options and inputs are checked before anything long or anything that
+// writes begins.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <functional>
+
+// The parser's header has to come before its forward declarations would do.
+#include <CLI/App.hpp>
+
+namespace carmap {
+
+/// What the program exits with; an error status becomes kError and one line.
+enum ExitCode { kSuccess = 0, kError = 1, kWrongUsage = 2, kIncomplete = 3 };
+
+using Command = std::function<absl::StatusOr<ExitCode>()>;
+
+void AddMapCommand(CLI::App& app, Command& chosen);
+void AddLocalizeCommand(CLI::App& app, Command& chosen);
+void AddStitchCommand(CLI::App& app, Command& chosen);
+void AddInfoCommand(CLI::App& app, Command& chosen);
+void AddEvaluateCommand(CLI::App& app, Command& chosen);
+
+}  // namespace carmap

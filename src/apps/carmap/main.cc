@@ -1,0 +1,89 @@
+// The program `carmap`: reads the command line and runs one subcommand.
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <opencv2/core/utility.hpp>
+#include <string>
+
+#include "apps/carmap/commands.h"
+#include "apps/carmap/outputs.h"
+
+namespace carmap {
+namespace {
+
+constexpr const char* kFooter = R"(
+Two cars map two parts of one road, and a third finds itself on all of it:
+  carmap map kitti06_000-050 --last 33 --out base.cmap
+  carmap map kitti06_000-050 --first 18 --out segment.cmap
+  carmap stitch base.cmap segment.cmap --out road.cmap
+  carmap info road.cmap
+  carmap localize kitti06_000-050 --map road.cmap --trajectory localized.txt
+  carmap evaluate trajectory localized.txt kitti06_000-050/poses.txt
+
+A DRIVE is a folder in KITTI's layout: image_0/ (left) and image_1/ (right) with rectified images
+of the same names, calib.txt (P0: and P1:), times.txt (seconds), and optionally poses.txt (ground
+truth) and gps.txt (time latitude longitude altitude).
+
+`carmap COMMAND --help` explains each command, its options and their units.
+
+Exit codes:
+  0  done
+  1  an error; one line on standard error names file, cause and remedy
+  2  wrong usage
+  3  done, but not with all of the input: lines on standard error say what was left out)";
+
+std::string NameOfCommand(const CLI::App& app) {
+  const auto chosen = app.get_subcommands();
+  return chosen.empty() ? "carmap" : "carmap " + chosen.front()->get_name();
+}
+
+int Run(int argc, char** argv) {
+  CLI::App app("CarMap: lean 3D feature maps of roads from a car's stereo camera.", "carmap");
+  app.footer(kFooter);
+  app.set_help_flag("-h,--help", "Print this help");
+  app.set_version_flag("--version", "carmap " CARMAP_VERSION, "Print the version");
+  app.require_subcommand(1);
+  app.get_formatter()->column_width(34);
+
+  Command chosen;
+  AddMapCommand(app, chosen);
+  AddLocalizeCommand(app, chosen);
+  AddStitchCommand(app, chosen);
+  AddInfoCommand(app, chosen);
+  AddEvaluateCommand(app, chosen);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(error);
+    PrintProblem(fmt::format("{}; see `{} --help`", error.what(), NameOfCommand(app)));
+    return kWrongUsage;
+  }
+
+  cv::setNumThreads(1);  // what runs in parallel runs on oneTBB
+  const auto exit_code = chosen();
+  if (!exit_code.ok()) {
+    PrintProblem(std::string(exit_code.status().message()));
+    return kError;
+  }
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+    PrintProblem("standard output: cannot be written; is its disk full?");
+    return kError;
+  }
+  return *exit_code;
+}
+
+}  // namespace
+}  // namespace carmap
+
+int main(int argc, char** argv) {
+  try {
+    return carmap::Run(argc, argv);
+  } catch (const std::bad_alloc&) {
+    carmap::PrintProblem("out of memory; free some, or work on a shorter drive or a smaller map");
+  } catch (const std::exception& error) {
+    carmap::PrintProblem(fmt::format("internal error: {}; please report it", error.what()));
+  }
+  return carmap::kError;
+}

@@ -1,0 +1,243 @@
+#include <fmt/format.h>
+
+#include <CLI/App.hpp>
+#include <algorithm>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "apps/carmap/commands.h"
+#include "apps/carmap/outputs.h"
+#include "apps/carmap/reports.h"
+#include "carmap/base/file.h"
+#include "carmap/base/progress.h"
+#include "carmap/base/status_macros.h"
+#include "carmap/base/stopwatch.h"
+#include "carmap/dataset/kitti_drive.h"
+#include "carmap/eval/map_composition.h"
+#include "carmap/eval/trajectory_metrics.h"
+#include "carmap/format/lean_codec.h"
+#include "carmap/map/strip.h"
+#include "carmap/slam/map_drive.h"
+#include "carmap/solve/alignment.h"
+
+namespace carmap {
+namespace {
+
+struct Arguments {
+  std::string drive, out, trajectory, report, picture;
+  FrameRange range;
+  bool sequential = false;
+};
+
+/// What a run made, and what it took to make it.
+struct Run {
+  MappedDrive mapped;
+  StrippedMap stripped;
+  size_t lean_bytes = 0;
+  double path_length_m = 0;
+  double wall_s = 0, peak_rss_mb = 0;
+  std::optional<TrajectoryEvaluation> evaluation;
+};
+
+absl::StatusOr<MappedDrive> MapWithProgress(KittiDrive& drive, const Arguments& arguments) {
+  MapDriveOptions options;
+  options.sequential = arguments.sequential;
+  Progress progress("mapping", drive.frame_count());
+  auto mapped = MapDrive(drive, drive.id(), options, [&](size_t frames, size_t keyframes) {
+    progress.Update(frames, Count(keyframes, "keyframe"));
+  });
+  if (!mapped.ok()) return WithName(arguments.drive, mapped.status());
+  return mapped;
+}
+
+/// Maps the drive and writes the map: what the reported time and memory are of.
+absl::StatusOr<Run> MapAndWrite(KittiDrive& drive, const Arguments& arguments,
+                                const Stopwatch& watch) {
+  Run run;
+  CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(drive, arguments));
+  run.stripped = Strip(run.mapped.map, {drive.id(), run.mapped.rig});
+  const auto bytes = EncodeLeanMap(run.stripped.lean);
+  if (!bytes.ok()) return WithName(arguments.out, bytes.status());
+  CARMAP_RETURN_IF_ERROR(WriteFileAtomically(arguments.out, *bytes));
+  run.lean_bytes = bytes->size();
+  run.wall_s = watch.ElapsedMs() * 1e-3;
+  run.peak_rss_mb = PeakMemoryMb();
+  run.path_length_m = PathLengthM(run.mapped.trajectory);
+  // A range of which no frame has both poses has nothing to evaluate.
+  if (auto evaluation = EvaluateTrajectory(run.mapped.trajectory, drive.truth());
+      !drive.truth().empty() && evaluation.ok()) {
+    run.evaluation = *std::move(evaluation);
+  }
+  return run;
+}
+
+nlohmann::ordered_json MeanStageMs(const Run& run, size_t frames) {
+  nlohmann::ordered_json stages;
+  for (const auto& [stage, total_ms] : run.mapped.stage_ms) {
+    stages[stage] = total_ms / static_cast<double>(frames);
+  }
+  return stages;
+}
+
+void AddErrors(const TrajectoryEvaluation& evaluation, nlohmann::ordered_json& report) {
+  nlohmann::ordered_json errors = ToJson(evaluation);
+  for (const char* key : {"matched_frames", "lost_frames", "path_length_m"}) errors.erase(key);
+  report.update(errors);
+}
+
+nlohmann::ordered_json ToJson(const Run& run, size_t frames, const CompositionBytes& composition) {
+  const LeanMap& lean = run.stripped.lean;
+  const double bytes = static_cast<double>(run.lean_bytes);
+  const Eigen::Vector3d& bias = run.mapped.rig.disparity_bias.coefficients_px;
+  nlohmann::ordered_json report;
+  report["frames"] = frames;
+  report["tracked_frames"] = frames - run.mapped.lost_frames.size();
+  report["keyframes"] = lean.keyframes.size();
+  report["landmarks"] = lean.landmarks.size();
+  report["observations"] = ObservationCount(lean);
+  report["lean_bytes"] = run.lean_bytes;
+  report["bytes_per_landmark"] = Ratio(bytes, static_cast<double>(lean.landmarks.size()));
+  report["path_length_m"] = run.path_length_m;
+  report["lean_mb_per_km"] = Ratio(bytes * 1e-6, run.path_length_m * 1e-3);
+  report["wall_s"] = run.wall_s;
+  report["peak_rss_mb"] = run.peak_rss_mb;
+  report["frame_ms"] = ToJson(Summarize(run.mapped.frame_ms));
+  report["stage_ms"] = MeanStageMs(run, frames);
+  report["composition_bytes"] = {{"full", composition.full},
+                                 {"no_index", composition.no_index},
+                                 {"no_keyframe_features", composition.no_keyframe_features},
+                                 {"lean", composition.lean}};
+  report["disparity_bias_px"] = {bias.x(), bias.y(), bias.z()};
+  report["lost_frames"] = ToJson(run.mapped.lost_frames);
+  if (run.evaluation) AddErrors(*run.evaluation, report);
+  return report;
+}
+
+/// Truth moved to where it fits the trajectory; nothing where both have too few poses.
+std::optional<Rigid3> MapFromWorld(const Trajectory& trajectory, const Trajectory& truth) {
+  std::vector<Rigid3> in_map, in_world;
+  for (size_t i = 0; i < std::min(trajectory.size(), truth.size()); ++i) {
+    if (!trajectory[i].world_from_camera || !truth[i].world_from_camera) continue;
+    in_map.push_back(*trajectory[i].world_from_camera);
+    in_world.push_back(*truth[i].world_from_camera);
+  }
+  return AlignTrajectories(in_world, in_map);
+}
+
+absl::Status WritePicture(const Run& run, const Trajectory& truth, const Arguments& arguments) {
+  const Trajectory& trajectory = run.mapped.trajectory;
+  MapPicture picture = PictureOf(run.stripped.lean, "Map of " + arguments.drive);
+  picture.paths.insert(picture.paths.begin(), PathOf("trajectory", kEstimateColour, trajectory));
+  if (const auto map_from_world = MapFromWorld(trajectory, truth)) {
+    picture.paths.insert(picture.paths.begin(),
+                         PathOf("ground truth", kTruthColour, truth, *map_from_world));
+  }
+  return WriteMapPicture(arguments.picture, picture);
+}
+
+void PrintSummary(const Run& run, size_t frames, const Arguments& arguments) {
+  const LeanMap& lean = run.stripped.lean;
+  const double bytes = static_cast<double>(run.lean_bytes);
+  fmt::print("mapped        {} of {}, {:.1f} m, in {:.1f} s\n",
+             frames - run.mapped.lost_frames.size(), Count(frames, "frame"), run.path_length_m,
+             run.wall_s);
+  fmt::print("frame         {} ms\n", ToText(Summarize(run.mapped.frame_ms), 1));
+  fmt::print("map           {}, {}, {}, {}\n", arguments.out, BytesText(bytes),
+             Count(lean.keyframes.size(), "keyframe"), Count(lean.landmarks.size(), "landmark"));
+  if (!run.evaluation) return;
+  if (run.evaluation->ate) {
+    fmt::print("ground truth  absolute error {:.3f} m (RMSE)", run.evaluation->ate->rmse_m);
+    if (const auto& relative = run.evaluation->relative()) {
+      fmt::print(", relative {:.2f} % and {:.2f} deg/100 m", relative->t_rel_percent,
+                 relative->r_rel_deg_per_100m);
+    }
+    fmt::print("\n");
+  }
+}
+
+absl::StatusOr<ExitCode> RunMap(const Arguments& arguments) {
+  const Stopwatch watch;
+  CARMAP_RETURN_IF_ERROR(
+      CheckOutputs({arguments.out, arguments.trajectory, arguments.report, arguments.picture},
+                   FilesOfDrive(arguments.drive)));
+  CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive, arguments.range));
+  CARMAP_ASSIGN_OR_RETURN(const Run run, MapAndWrite(*drive, arguments, watch));
+  const size_t frames = drive->frame_count();
+
+  if (!arguments.trajectory.empty()) {
+    CARMAP_RETURN_IF_ERROR(WriteTrajectory(arguments.trajectory, run.mapped.trajectory));
+  }
+  if (!arguments.report.empty()) {
+    CARMAP_ASSIGN_OR_RETURN(const CompositionBytes composition,
+                            MeasureComposition(run.mapped.map, run.stripped));
+    CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, ToJson(run, frames, composition)));
+  }
+  if (!arguments.picture.empty()) {
+    CARMAP_RETURN_IF_ERROR(WritePicture(run, drive->truth(), arguments));
+  }
+
+  PrintSummary(run, frames, arguments);
+  PrintLostFrames(arguments.drive, run.mapped.lost_frames);
+  if (run.stripped.lean.landmarks.empty()) {
+    PrintProblem(
+        fmt::format("{}: the map is empty: no landmark was seen by {} keyframes; map a "
+                    "longer part of the drive",
+                    arguments.drive, StripOptions().min_observations));
+    return kIncomplete;
+  }
+  return run.mapped.lost_frames.empty() ? kSuccess : kIncomplete;
+}
+
+}  // namespace
+
+void AddMapCommand(CLI::App& app, Command& chosen) {
+  CLI::App* command = app.add_subcommand("map", "Make a lean map of a drive");
+  const auto arguments = std::make_shared<Arguments>();
+  command->add_option("DRIVE", arguments->drive, "Folder of the drive")->required();
+  command->add_option("--out", arguments->out, "The map to write")
+      ->required()
+      ->type_name("SEGMENT.cmap");
+  command->add_option("--first", arguments->range.first, "First frame to map, from 0")
+      ->type_name("N");
+  command->add_option("--last", arguments->range.last, "Last frame to map (default: the drive's)")
+      ->type_name("M");
+  command->add_flag("--sequential", arguments->sequential,
+                    "Work without threads of its own for reading and mapping: the same drive gives "
+                    "the same map, byte by byte");
+  command
+      ->add_option("--trajectory", arguments->trajectory,
+                   "Write the pose of each frame in the map's frame, metres: TUM form if named "
+                   "*.tum, else KITTI form")
+      ->type_name("T.txt");
+  command
+      ->add_option("--report", arguments->report,
+                   "Write counts, sizes (bytes), times (ms), and errors against the drive's "
+                   "poses.txt (m, %, deg) as JSON")
+      ->type_name("R.json");
+  command
+      ->add_option("--picture", arguments->picture,
+                   "Draw landmarks, trajectory and truth from above")
+      ->type_name("P.png");
+  command->footer(R"(
+The map's frame is the left camera of the first frame: x right, y down, z forward, metres.
+
+The report's frame_ms is from images in memory to the frame's pose; stage_ms is the mean per frame
+of each stage (reading, tracking and mapping overlap unless --sequential); wall_s and peak_rss_mb
+(10^6 bytes) are up to the written map; composition_bytes compares the map with what it would take
+with its index and the features of its keyframes.
+
+A frame that cannot be read or tracked is left out: a line says which and why, the map holds the
+rest, and the exit code is 3.
+
+Examples:
+  carmap map kitti06_000-050 --out road.cmap
+  carmap map kitti06_000-050 --first 18 --last 50 --out part.cmap --report part.json
+
+Exit codes: 0 done, 1 error (no map is written), 2 wrong usage, 3 map written but frames were lost)");
+  command->callback([arguments, &chosen] { chosen = [arguments] { return RunMap(*arguments); }; });
+}
+
+}  // namespace carmap

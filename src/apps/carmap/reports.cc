@@ -1,0 +1,103 @@
+#include "apps/carmap/reports.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "apps/carmap/outputs.h"
+
+namespace carmap {
+
+nlohmann::ordered_json ToJson(const Summary& summary) {
+  return {{"median", summary.median},
+          {"mean", summary.mean},
+          {"p95", summary.p95},
+          {"max", summary.max}};
+}
+
+nlohmann::ordered_json Ratio(double numerator, double denominator) {
+  if (denominator <= 0) return nullptr;
+  return numerator / denominator;
+}
+
+std::string ToText(const Summary& summary, int digits) {
+  return fmt::format("median {:.{}f}, mean {:.{}f}, p95 {:.{}f}, max {:.{}f}", summary.median,
+                     digits, summary.mean, digits, summary.p95, digits, summary.max, digits);
+}
+
+std::string Count(size_t count, const std::string& noun) {
+  return fmt::format("{} {}{}", count, noun, count == 1 ? "" : "s");
+}
+
+std::string BytesText(double bytes) {
+  if (bytes < 1e3) return fmt::format("{:.0f} bytes", bytes);
+  if (bytes < 1e6) return fmt::format("{:.1f} kB", bytes / 1e3);
+  return fmt::format("{:.2f} MB", bytes / 1e6);
+}
+
+nlohmann::ordered_json ToJson(const std::vector<LostFrame>& lost_frames) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const LostFrame& frame : lost_frames) {
+    list.push_back({{"index", frame.index}, {"reason", frame.reason}});
+  }
+  return list;
+}
+
+void PrintLostFrames(const std::string& drive, const std::vector<LostFrame>& lost_frames) {
+  constexpr size_t kMaxLines = 10;
+  const size_t lines = std::min(kMaxLines, lost_frames.size());
+  for (size_t i = 0; i < lines; ++i) {
+    PrintProblem(fmt::format("{}: frame {} is lost: {}", drive, lost_frames[i].index,
+                             lost_frames[i].reason));
+  }
+  if (lost_frames.size() > lines) {
+    PrintProblem(fmt::format("{}: {} lost besides; --report names each", drive,
+                             Count(lost_frames.size() - lines, "frame")));
+  }
+}
+
+double PathLengthM(const Trajectory& trajectory) {
+  double length_m = 0;
+  std::optional<Eigen::Vector3d> previous;
+  for (const TimedPose& pose : trajectory) {
+    if (!pose.world_from_camera) continue;
+    const Eigen::Vector3d& position = pose.world_from_camera->translation;
+    if (previous) length_m += (position - *previous).norm();
+    previous = position;
+  }
+  return length_m;
+}
+
+size_t ObservationCount(const LeanMap& map) {
+  size_t count = 0;
+  for (const LeanLandmark& landmark : map.landmarks) count += landmark.keyframe_idxs.size();
+  return count;
+}
+
+MapPicture PictureOf(const LeanMap& map, const std::string& title) {
+  MapPicture picture;
+  picture.title = title;
+  for (const LeanLandmark& landmark : map.landmarks) {
+    picture.landmarks_in_map.push_back(landmark.position_in_map);
+  }
+  PicturePath keyframes{"keyframes", kKeyframeColour, {}, /*as_dots=*/true};
+  for (const LeanKeyframe& keyframe : map.keyframes) {
+    keyframes.positions_in_map.push_back(keyframe.map_from_camera.translation);
+  }
+  picture.paths.push_back(std::move(keyframes));
+  return picture;
+}
+
+PicturePath PathOf(const std::string& name, Rgb colour, const Trajectory& trajectory,
+                   const Rigid3& map_from_world) {
+  PicturePath path{name, colour, {}, /*as_dots=*/false};
+  for (const TimedPose& pose : trajectory) {
+    if (!pose.world_from_camera) continue;
+    path.positions_in_map.push_back(map_from_world * pose.world_from_camera->translation);
+  }
+  return path;
+}
+
+}  // namespace carmap

@@ -1,0 +1,48 @@
+// Parts that the reports of several commands have in common.
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "carmap/base/summary.h"
+#include "carmap/dataset/trajectory.h"
+#include "carmap/eval/map_picture.h"
+#include "carmap/map/lean_map.h"
+#include "carmap/slam/map_drive.h"
+
+namespace carmap {
+
+/// {median mean p95 max}
+nlohmann::ordered_json ToJson(const Summary& summary);
+
+/// Null if there is nothing to divide by.
+nlohmann::ordered_json Ratio(double numerator, double denominator);
+
+/// "median 12.3, mean 12.5, p95 13.9, max 20.1"; `digits` behind the point.
+std::string ToText(const Summary& summary, int digits);
+
+/// "3 frames", "1 frame".
+std::string Count(size_t count, const std::string& noun);
+
+/// "12.3 kB", "4.56 MB": in powers of 1000.
+std::string BytesText(double bytes);
+
+/// [{index reason}]
+nlohmann::ordered_json ToJson(const std::vector<LostFrame>& lost_frames);
+
+/// A line for each of the first ten on standard error, then how many more there are.
+void PrintLostFrames(const std::string& drive, const std::vector<LostFrame>& lost_frames);
+
+/// Metres along the poses that are there.
+double PathLengthM(const Trajectory& trajectory);
+
+size_t ObservationCount(const LeanMap& map);
+
+/// The map with its keyframes.
+MapPicture PictureOf(const LeanMap& map, const std::string& title);
+/// The poses that are there, moved by `map_from_world`.
+PicturePath PathOf(const std::string& name, Rgb colour, const Trajectory& trajectory,
+                   const Rigid3& map_from_world = {});
+
+}  // namespace carmap

@@ -1,0 +1,120 @@
+#include <fmt/format.h>
+
+#include <CLI/App.hpp>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "apps/carmap/commands.h"
+#include "apps/carmap/outputs.h"
+#include "apps/carmap/reports.h"
+#include "carmap/base/file.h"
+#include "carmap/base/status_macros.h"
+#include "carmap/base/stopwatch.h"
+#include "carmap/format/lean_codec.h"
+#include "carmap/update/stitch.h"
+
+namespace carmap {
+namespace {
+
+struct Arguments {
+  std::string base, segment, out, report;
+};
+
+nlohmann::ordered_json SizeOf(const LeanMap& map, size_t bytes) {
+  return {{"keyframes", map.keyframes.size()},
+          {"landmarks", map.landmarks.size()},
+          {"observations", ObservationCount(map)},
+          {"bytes", bytes}};
+}
+
+nlohmann::ordered_json ToJson(const StitchReport& report) {
+  const Eigen::Vector3d& t = report.base_from_segment.translation;
+  const Eigen::Quaterniond& q = report.base_from_segment.rotation;
+  return {{"segment_keyframes_tried", report.segment_keyframes_tried},
+          {"segment_keyframes_found", report.segment_keyframes_found},
+          {"segment_keyframes_overlapping", report.segment_keyframes_overlapping},
+          {"base_keyframes_overlapping", report.base_keyframes_overlapping},
+          {"matches", report.matches},
+          {"inliers", report.inliers},
+          {"duplicates_removed", report.duplicates_removed},
+          {"median_distance_m", report.median_distance_m},
+          {"base_from_segment",
+           {{"translation_m", {t.x(), t.y(), t.z()}},
+            {"rotation_xyzw", {q.x(), q.y(), q.z(), q.w()}}}}};
+}
+
+absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
+  const Stopwatch watch;
+  // The new map may take the base map's name: it replaces the file at once or not at all.
+  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out}, {arguments.segment}));
+  CARMAP_RETURN_IF_ERROR(
+      CheckOutputs({arguments.report}, {arguments.base, arguments.segment, arguments.out}));
+  CARMAP_ASSIGN_OR_RETURN(const std::string base_bytes,
+                          ReadFile(arguments.base, kMaxLeanFileBytes));
+  CARMAP_ASSIGN_OR_RETURN(const LeanMap base, DecodeLeanMap(base_bytes, arguments.base));
+  CARMAP_ASSIGN_OR_RETURN(const std::string segment_bytes,
+                          ReadFile(arguments.segment, kMaxLeanFileBytes));
+  CARMAP_ASSIGN_OR_RETURN(const LeanMap segment, DecodeLeanMap(segment_bytes, arguments.segment));
+
+  const auto stitched = Stitch(base, segment);
+  if (!stitched.ok()) return WithName(arguments.segment, stitched.status());
+  const auto bytes = EncodeLeanMap(stitched->map);
+  if (!bytes.ok()) return WithName(arguments.out, bytes.status());
+  CARMAP_RETURN_IF_ERROR(WriteFileAtomically(arguments.out, *bytes));
+  const double wall_s = watch.ElapsedMs() * 1e-3;
+
+  nlohmann::ordered_json report = ToJson(stitched->report);
+  report["base"] = SizeOf(base, base_bytes.size());
+  report["segment"] = SizeOf(segment, segment_bytes.size());
+  report["result"] = SizeOf(stitched->map, bytes->size());
+  report["wall_s"] = wall_s;
+  report["peak_rss_mb"] = PeakMemoryMb();
+  CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, report));
+
+  const StitchReport& found = stitched->report;
+  fmt::print("stitched      {} + {} = {} in {:.1f} s\n", Count(base.keyframes.size(), "keyframe"),
+             segment.keyframes.size(), stitched->map.keyframes.size(), wall_s);
+  fmt::print("overlap       {}, {} in both maps, {:.3f} m apart in the median\n",
+             Count(found.segment_keyframes_overlapping, "keyframe"),
+             Count(found.inliers, "landmark"), found.median_distance_m);
+  fmt::print("landmarks     {} + {} - {} duplicates = {}\n", base.landmarks.size(),
+             segment.landmarks.size(), found.duplicates_removed, stitched->map.landmarks.size());
+  fmt::print("map           {}, {} (base {}, segment {})\n", arguments.out,
+             BytesText(static_cast<double>(bytes->size())),
+             BytesText(static_cast<double>(base_bytes.size())),
+             BytesText(static_cast<double>(segment_bytes.size())));
+  return kSuccess;
+}
+
+}  // namespace
+
+void AddStitchCommand(CLI::App& app, Command& chosen) {
+  CLI::App* command = app.add_subcommand("stitch", "Join a map segment to a base map");
+  const auto arguments = std::make_shared<Arguments>();
+  command->add_option("BASE", arguments->base, "Base map (.cmap); may be empty of keyframes")
+      ->required();
+  command
+      ->add_option("SEGMENT", arguments->segment, "Map of another drive that overlaps it (.cmap)")
+      ->required();
+  command->add_option("--out", arguments->out, "The new map to write; may be BASE itself")
+      ->required()
+      ->type_name("NEW.cmap");
+  command
+      ->add_option("--report", arguments->report,
+                   "Write overlap, transform (m, quaternion) and sizes (bytes) as JSON")
+      ->type_name("R.json");
+  command->footer(R"(
+The segment is found in the base map by what its keyframes see, moved rigidly to where it lies, and
+landmarks that both saw are kept once. Coordinates stay those of BASE. A segment that does not
+overlap is refused with the reason, and no file is written or changed.
+
+Example:
+  carmap stitch base.cmap segment.cmap --out road.cmap
+
+Exit codes: 0 done, 1 error, 2 wrong usage)");
+  command->callback(
+      [arguments, &chosen] { chosen = [arguments] { return RunStitch(*arguments); }; });
+}
+
+}  // namespace carmap
