@@ -7,10 +7,10 @@ target_compile_options(carmap_flags INTERFACE
   # Designated initialisers leave members at their defaults on purpose.
   -Wno-missing-field-initializers)
 if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
-  # AVX2 and FMA: every x86 server and vehicle computer since 2015 has them. The cap on Eigen's
-  # alignment keeps its types compatible with libraries that Debian built without AVX.
-  set(CARMAP_X86_LEVEL x86-64-v3 CACHE STRING "Instruction set level (-march)")
-  target_compile_options(carmap_flags INTERFACE -march=${CARMAP_X86_LEVEL})
+  # Arithmetic in vectors of 16 bytes, the heap's alignment: with wider ones Eigen splits sums by where
+  # an array happens to lie, and the last bits differ from run to run. The front end, which counts in
+  # whole numbers, is built for AVX2 in its own CMakeLists.txt.
+  target_compile_options(carmap_flags INTERFACE -march=x86-64-v2)
   target_compile_definitions(carmap_flags INTERFACE EIGEN_MAX_ALIGN_BYTES=16)
 endif()
 target_include_directories(carmap_flags INTERFACE ${PROJECT_SOURCE_DIR}/src)

@@ -40,8 +40,7 @@ void AddEvaluateCommand(CLI::App& app, Command& chosen) {
       ->required();
   trajectory->add_option("TRUTH", arguments->truth, "Ground truth, KITTI or TUM form")->required();
   trajectory->add_flag("--json", arguments->json, "Print JSON");
-  const char* footer = R"(
-Errors:
+  const char* footer = R"(Errors:
   absolute  distances in metres after the best rigid alignment (ATE)
   relative  KITTI's measure: translation in percent and rotation in degrees per 100 m, over lengths
             of 100 to 800 m, and over 5 to 50 m for shorter paths

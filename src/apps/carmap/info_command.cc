@@ -134,8 +134,7 @@ void AddInfoCommand(CLI::App& app, Command& chosen) {
   const auto arguments = std::make_shared<Arguments>();
   command->add_option("MAP", arguments->map, "Map file (.cmap)")->required();
   command->add_flag("--json", arguments->json, "Print JSON, all lengths in metres");
-  command->footer(R"(
-The whole file is read and checked: exit 0 means that it is a sound map.
+  command->footer(R"(The whole file is read and checked: exit 0 means that it is a sound map.
 
 Example:
   carmap info road.cmap

@@ -119,7 +119,7 @@ class DriveLocalizer {
       return LoseUnusable(frame.index,
                           fmt::format("only {} features in the image", features.size()));
     }
-    drive_.lost_frames.push_back({frame.index, "was not found in the map"});
+    drive_.lost_frames.push_back({frame.index, "it was not found in the map"});
   }
 
   void TakeUnreadable(uint32_t index, Timestamp timestamp, const absl::Status& status) {
@@ -193,14 +193,15 @@ void AddErrors(const MapAlignment& alignment, const LocalizationError& error,
 absl::Status WritePicture(const LoadedMap& loaded, const LocalizedDrive& localized,
                           const std::optional<MapAlignment>& alignment, const Trajectory& truth,
                           const Arguments& arguments) {
-  MapPicture picture =
-      PictureOf(loaded.lean, fmt::format("{} localized in {}", arguments.drive, arguments.map));
+  std::vector<PicturePath> paths;
   if (alignment) {
-    picture.paths.push_back(
+    paths.push_back(
         PathOf("ground truth", kTruthColour, truth, alignment->world_from_map.Inverse()));
   }
-  picture.paths.push_back(PathOf("localized", kEstimateColour, localized.trajectory));
-  return WriteMapPicture(arguments.picture, picture);
+  paths.push_back(PathOf("localized", kEstimateColour, localized.trajectory));
+  const std::string title =
+      fmt::format("{} localized in {}", NameOf(arguments.drive), NameOf(arguments.map));
+  return WriteMapPicture(arguments.picture, PictureOf(loaded.lean, title, paths));
 }
 
 void PrintSummary(const LoadedMap& loaded, const LocalizedDrive& localized,
@@ -284,8 +285,8 @@ void AddLocalizeCommand(CLI::App& app, Command& chosen) {
       ->add_option("--picture", arguments->picture,
                    "Draw landmarks, localized path and truth from above")
       ->type_name("P.png");
-  command->footer(R"(
-If the drive has gps.txt and the map has GPS fixes, a frame is looked for near its fix; otherwise in
+  command->footer(
+      R"(If the drive has gps.txt and the map has GPS fixes, a frame is looked for near its fix; otherwise in
 the whole map. Once found, it is followed from frame to frame.
 
 The report's load_ms is the time to read the file, decode it, and rebuild what it leaves out;

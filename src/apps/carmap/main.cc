@@ -4,17 +4,19 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
+#include <memory>
 #include <opencv2/core/utility.hpp>
 #include <string>
 
 #include "apps/carmap/commands.h"
+#include "apps/carmap/help_format.h"
 #include "apps/carmap/outputs.h"
 
 namespace carmap {
 namespace {
 
-constexpr const char* kFooter = R"(
-Two cars map two parts of one road, and a third finds itself on all of it:
+constexpr const char* kFooter =
+    R"(Two cars map two parts of one road, and a third finds itself on all of it:
   carmap map kitti06_000-050 --last 33 --out base.cmap
   carmap map kitti06_000-050 --first 18 --out segment.cmap
   carmap stitch base.cmap segment.cmap --out road.cmap
@@ -45,7 +47,7 @@ int Run(int argc, char** argv) {
   app.set_help_flag("-h,--help", "Print this help");
   app.set_version_flag("--version", "carmap " CARMAP_VERSION, "Print the version");
   app.require_subcommand(1);
-  app.get_formatter()->column_width(34);
+  app.formatter(std::make_shared<HelpFormat>());
 
   Command chosen;
   AddMapCommand(app, chosen);

@@ -66,9 +66,9 @@ absl::StatusOr<Run> MapAndWrite(KittiDrive& drive, const Arguments& arguments,
   run.wall_s = watch.ElapsedMs() * 1e-3;
   run.peak_rss_mb = PeakMemoryMb();
   run.path_length_m = PathLengthM(run.mapped.trajectory);
-  // A range of which no frame has both poses has nothing to evaluate.
-  if (auto evaluation = EvaluateTrajectory(run.mapped.trajectory, drive.truth());
-      !drive.truth().empty() && evaluation.ok()) {
+  if (drive.truth().empty()) return run;
+  // Of a range of which no frame has both poses there is nothing to evaluate.
+  if (auto evaluation = EvaluateTrajectory(run.mapped.trajectory, drive.truth()); evaluation.ok()) {
     run.evaluation = *std::move(evaluation);
   }
   return run;
@@ -129,13 +129,13 @@ std::optional<Rigid3> MapFromWorld(const Trajectory& trajectory, const Trajector
 
 absl::Status WritePicture(const Run& run, const Trajectory& truth, const Arguments& arguments) {
   const Trajectory& trajectory = run.mapped.trajectory;
-  MapPicture picture = PictureOf(run.stripped.lean, "Map of " + arguments.drive);
-  picture.paths.insert(picture.paths.begin(), PathOf("trajectory", kEstimateColour, trajectory));
+  std::vector<PicturePath> paths;
   if (const auto map_from_world = MapFromWorld(trajectory, truth)) {
-    picture.paths.insert(picture.paths.begin(),
-                         PathOf("ground truth", kTruthColour, truth, *map_from_world));
+    paths.push_back(PathOf("ground truth", kTruthColour, truth, *map_from_world));
   }
-  return WriteMapPicture(arguments.picture, picture);
+  paths.push_back(PathOf("trajectory", kEstimateColour, trajectory));
+  return WriteMapPicture(arguments.picture,
+                         PictureOf(run.stripped.lean, "Map of " + NameOf(arguments.drive), paths));
 }
 
 void PrintSummary(const Run& run, size_t frames, const Arguments& arguments) {
@@ -221,8 +221,8 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
       ->add_option("--picture", arguments->picture,
                    "Draw landmarks, trajectory and truth from above")
       ->type_name("P.png");
-  command->footer(R"(
-The map's frame is the left camera of the first frame: x right, y down, z forward, metres.
+  command->footer(
+      R"(The map's frame is the left camera of the first frame: x right, y down, z forward, metres.
 
 The report's frame_ms is from images in memory to the frame's pose; stage_ms is the mean per frame
 of each stage (reading, tracking and mapping overlap unless --sequential); wall_s and peak_rss_mb

@@ -29,6 +29,7 @@ void PrintProblem(const std::string& message) {
   std::string line = message;
   std::replace_if(
       line.begin(), line.end(), [](unsigned char c) { return c < ' ' || c == 0x7f; }, ' ');
+  std::fflush(stdout);  // so that both streams in one file keep their order
   fmt::print(stderr, "carmap: {}\n", line);
 }
 

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <utility>
 
 #include "apps/carmap/outputs.h"
 
@@ -76,9 +78,13 @@ size_t ObservationCount(const LeanMap& map) {
   return count;
 }
 
-MapPicture PictureOf(const LeanMap& map, const std::string& title) {
-  MapPicture picture;
-  picture.title = title;
+std::string NameOf(const std::string& path) {
+  const std::filesystem::path absolute = std::filesystem::absolute(path).lexically_normal();
+  return (absolute.has_filename() ? absolute : absolute.parent_path()).filename().string();
+}
+
+MapPicture PictureOf(const LeanMap& map, const std::string& title, std::vector<PicturePath> paths) {
+  MapPicture picture{title, {}, std::move(paths)};
   for (const LeanLandmark& landmark : map.landmarks) {
     picture.landmarks_in_map.push_back(landmark.position_in_map);
   }

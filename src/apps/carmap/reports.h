@@ -39,8 +39,11 @@ double PathLengthM(const Trajectory& trajectory);
 
 size_t ObservationCount(const LeanMap& map);
 
-/// The map with its keyframes.
-MapPicture PictureOf(const LeanMap& map, const std::string& title);
+/// Last part of a path, for titles.
+std::string NameOf(const std::string& path);
+
+/// The map with its keyframes drawn over the paths.
+MapPicture PictureOf(const LeanMap& map, const std::string& title, std::vector<PicturePath> paths);
 /// The poses that are there, moved by `map_from_world`.
 PicturePath PathOf(const std::string& name, Rgb colour, const Trajectory& trajectory,
                    const Rigid3& map_from_world = {});

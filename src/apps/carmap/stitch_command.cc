@@ -104,8 +104,8 @@ void AddStitchCommand(CLI::App& app, Command& chosen) {
       ->add_option("--report", arguments->report,
                    "Write overlap, transform (m, quaternion) and sizes (bytes) as JSON")
       ->type_name("R.json");
-  command->footer(R"(
-The segment is found in the base map by what its keyframes see, moved rigidly to where it lies, and
+  command->footer(
+      R"(The segment is found in the base map by what its keyframes see, moved rigidly to where it lies, and
 landmarks that both saw are kept once. Coordinates stay those of BASE. A segment that does not
 overlap is refused with the reason, and no file is written or changed.
 

@@ -196,15 +196,16 @@ TEST(Apply, RebasesAnEditOfAnOlderVersion) {
                       .moved_landmarks = {{Mark(10), {1, 1, 1}}, {Mark(11), {2, 2, 2}}},
                       .removed_landmarks = {Mark(12)}};
   // Meanwhile another edit takes the feature and merges landmark 10 away.
-  EXPECT_EQ(
-      LeftOut({.added_observations = {{Mark(10), {Frame(3), 3}}}, .merges = {{Mark(10), Mark(11)}}},
-              map),
-      0u);
+  EXPECT_EQ(LeftOut({.added_landmarks = {MakeLandmark(13, {{Frame(3), 3}})},
+                     .merges = {{Mark(10), Mark(11)}}},
+                    map),
+            0u);
   // 11 now has the observation of 10 in frame 1, so it cannot get another there.
   EXPECT_EQ(*Apply(stale, map), 3u);
   EXPECT_TRUE(CheckConsistency(map).ok());
   EXPECT_EQ(map.Find(Mark(11))->position_in_map, Eigen::Vector3d(2, 2, 2));
-  EXPECT_THAT(map.landmarks(), SizeIs(1));
+  EXPECT_THAT(map.LandmarksOf(Frame(3))[3], Optional(Mark(13)));
+  EXPECT_EQ(map.Find(Mark(12)), nullptr);
 }
 
 TEST(Apply, RefusesAnEditOfAVersionYetToCome) {

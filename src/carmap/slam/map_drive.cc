@@ -84,7 +84,7 @@ class FrontEndStage {
   FrontEndStage(FrameSource& source, const FrontEndOptions& options, bool sequential)
       : source_(source),
         options_(options),
-        reader_(source, sequential),
+        reader_(source, /*sequential=*/true),  // a thread of its own would slow the front end's
         frames_(source.frame_count(), sequential, [this] { return Extract(); }) {}
 
   ExtractedFrame Next() { return frames_.Next().value(); }
