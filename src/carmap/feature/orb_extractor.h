@@ -1,8 +1,8 @@
 // ORB features (Rublee et al. 2011), upright: FAST corners over an image pyramid, spread evenly, with
 // binary descriptors.
 //
-// Cars do not roll, so descriptors are not steered by the patch's orientation, which costs
-// distinctiveness and buys nothing on a road (docs/decisions/0003-upright-descriptors.md).
+// Cars do not roll, so descriptors are not turned by the patch's orientation
+// (docs/decisions/0002-upright-descriptors.md).
 #pragma once
 
 #include <vector>
