@@ -14,6 +14,7 @@
 #include <string>
 #include <vector>
 
+#include "bundle_bench.h"
 #include "carmap/base/stopwatch.h"
 #include "carmap/base/summary.h"
 #include "carmap/dataset/kitti_drive.h"
@@ -139,5 +140,7 @@ int main(int argc, char** argv) {
   app.add_option("drive", drive, "Drive folder in KITTI layout")->capture_default_str();
   app.add_option("--threads", threads, "Threads for the front end")->capture_default_str()->check(CLI::Range(1, 256));
   CLI11_PARSE(app, argc, argv);
-  return carmap::Run(drive, threads);
+  const int result = carmap::Run(drive, threads);
+  carmap::BenchBundleAdjustment();
+  return result;
 }

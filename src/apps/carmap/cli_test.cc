@@ -1,1 +1,640 @@
+// The program as its users meet it: what it writes, what it says, and what it exits with.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <opencv2/core/mat.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <string>
+#include <vector>
+
+#include "apps/carmap/test_drive.h"
+#include "carmap/base/file.h"
+#include "carmap/dataset/trajectory.h"
+#include "carmap/format/container.h"
+#include "carmap/format/lean_codec.h"
+
+namespace carmap {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+constexpr size_t kFrames = 16;
+
+std::string Read(const fs::path& path) {
+  const auto bytes = ReadFile(path, uint64_t{1} << 30);
+  EXPECT_TRUE(bytes.ok()) << bytes.status();
+  return bytes.ok() ? *bytes : std::string();
+}
+
+void Write(const fs::path& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+std::string Replace(std::string text, const std::string& from, const std::string& to) {
+  const size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return at == std::string::npos ? text : text.replace(at, from.size(), to);
+}
+
+struct Result {
+  int exit_code = -1;  ///< -1: killed by a signal
+  std::string out, err;
+
+  /// Lines that tell of a problem; the others tell of progress.
+  std::vector<std::string> problems() const {
+    std::vector<std::string> lines;
+    std::istringstream stream(err);
+    for (std::string line; std::getline(stream, line);) {
+      if (line.rfind("carmap: ", 0) == 0) lines.push_back(line);
+    }
+    return lines;
+  }
+};
+
+class CliTest : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    root_ = fs::path(testing::TempDir()) / "carmap_cli_test";
+    fs::remove_all(root_);
+    fs::create_directories(root_ / "work");
+    WriteTestDrive(root_ / "drive", TestDrivePoses(kFrames));
+    const Result base = RunIn(root_, {"map", "drive", "--last", "10", "--out", "base.cmap"});
+    const Result segment = RunIn(root_, {"map", "drive", "--first", "4", "--out", "segment.cmap"});
+    ASSERT_EQ(base.exit_code, 0) << base.err;
+    ASSERT_EQ(segment.exit_code, 0) << segment.err;
+  }
+  static void TearDownTestSuite() { fs::remove_all(root_); }
+
+  /// Each test works in an empty folder beside drive/, base.cmap and segment.cmap.
+  void SetUp() override {
+    fs::remove_all(work());
+    fs::create_directories(work());
+  }
+
+  static fs::path work() { return root_ / "work"; }
+
+  static Result RunIn(const fs::path& folder, const std::vector<std::string>& arguments) {
+    std::string command = fmt::format("cd '{}' && '{}'", folder.string(), CARMAP_PROGRAM);
+    for (const std::string& argument : arguments) command += " '" + argument + "'";
+    const fs::path out = root_ / "stdout", err = root_ / "stderr";
+    command += fmt::format(" >'{}' 2>'{}'", out.string(), err.string());
+    const int status = std::system(command.c_str());
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, Read(out), Read(err)};
+  }
+  static Result Run(const std::vector<std::string>& arguments) { return RunIn(work(), arguments); }
+
+  static std::vector<std::string> FilesInWork() {
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(work())) {
+      names.push_back(entry.path().filename().string());
+    }
+    return names;
+  }
+
+  /// The command fails with one line that says `what`, and writes nothing.
+  static void ExpectRefused(const std::vector<std::string>& arguments, const std::string& what,
+                            int exit_code = 1) {
+    SCOPED_TRACE(fmt::format("{}", fmt::join(arguments, " ")));
+    const std::vector<std::string> files_before = FilesInWork();
+    const Result result = Run(arguments);
+    EXPECT_EQ(result.exit_code, exit_code);
+    EXPECT_THAT(result.out, IsEmpty());
+    EXPECT_THAT(result.problems(), testing::ElementsAre(AllOf(HasSubstr(what), HasSubstr("; "))))
+        << result.err;
+    EXPECT_THAT(FilesInWork(), testing::UnorderedElementsAreArray(files_before));
+  }
+
+  /// As ExpectRefused, before any work has begun: nothing else is printed either.
+  static void ExpectRefusedAtOnce(const std::vector<std::string>& arguments,
+                                  const std::string& what, int exit_code = 1) {
+    ExpectRefused(arguments, what, exit_code);
+    EXPECT_THAT(Read(root_ / "stderr"), StartsWith("carmap: ")) << what;
+  }
+
+  /// A copy of the drive for a test to damage.
+  static fs::path CopyOfDrive() {
+    const fs::path copy = root_ / "damaged";
+    fs::remove_all(copy);
+    fs::copy(root_ / "drive", copy, fs::copy_options::recursive);
+    return copy;
+  }
+
+  static nlohmann::json ReadJson(const std::string& name) {
+    return nlohmann::json::parse(Read(work() / name));
+  }
+
+  static fs::path root_;
+};
+
+fs::path CliTest::root_;
+
+std::string Image(const char* side, int frame) { return fmt::format("{}/{:06}.png", side, frame); }
+
+// What works.
+
+TEST_F(CliTest, TeachesItself) {
+  const Result help = Run({"--help"});
+  EXPECT_EQ(help.exit_code, 0);
+  for (const char* command : {"map", "localize", "stitch", "info", "evaluate"}) {
+    EXPECT_THAT(help.out, HasSubstr(fmt::format("\n  {} ", command)));
+    const Result of_command = Run({command, "--help"});
+    EXPECT_EQ(of_command.exit_code, 0);
+    EXPECT_THAT(of_command.out, AllOf(HasSubstr("Example"), HasSubstr("Exit codes")));
+  }
+  EXPECT_THAT(Run({"map", "--help"}).out,
+              HasSubstr("carmap map DRIVE --out SEGMENT.cmap [--first N] [--last M]"));
+  EXPECT_THAT(Run({"--version"}).out, StartsWith("carmap "));
+}
+
+TEST_F(CliTest, MapsADrive) {
+  const Result result = Run({"map", "../drive", "--out", "m.cmap", "--trajectory", "t.tum",
+                             "--report", "r.json", "--picture", "p.png"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, AllOf(HasSubstr("16 of 16 frames"), HasSubstr("m.cmap")));
+  EXPECT_THAT(result.problems(), IsEmpty());
+
+  const nlohmann::json report = ReadJson("r.json");
+  EXPECT_EQ(report["frames"], kFrames);
+  EXPECT_EQ(report["tracked_frames"], kFrames);
+  EXPECT_EQ(report["lean_bytes"], fs::file_size(work() / "m.cmap"));
+  EXPECT_NEAR(report["path_length_m"].get<double>(), 12, 0.3);
+  EXPECT_LE(report["ate_rmse_m"].get<double>(), 0.1);
+  EXPECT_TRUE(report["lost_frames"].empty());
+  for (const char* key :
+       {"keyframes", "landmarks", "observations", "wall_s", "peak_rss_mb", "bytes_per_landmark",
+        "lean_mb_per_km", "t_rel_percent", "r_rel_deg_per_100m", "t_rel_5_50_percent"}) {
+    EXPECT_GT(report[key].get<double>(), 0) << key;
+  }
+  for (const char* key : {"median", "mean", "p95", "max"}) EXPECT_GT(report["frame_ms"][key], 0);
+  for (const char* stage : {"read", "extract", "stereo", "track"}) {
+    EXPECT_GT(report["stage_ms"][stage], 0) << stage;
+  }
+  const nlohmann::json& composition = report["composition_bytes"];
+  EXPECT_GT(composition["full"], composition["no_index"]);
+  EXPECT_GT(composition["no_index"], composition["no_keyframe_features"]);
+  EXPECT_GT(composition["no_keyframe_features"], composition["lean"]);
+  EXPECT_EQ(composition["lean"], report["lean_bytes"]);
+
+  const auto trajectory = ReadTrajectory(work() / "t.tum");
+  ASSERT_TRUE(trajectory.ok()) << trajectory.status();
+  EXPECT_EQ(trajectory->size(), kFrames);
+  EXPECT_TRUE(trajectory->front().timestamp.has_value());
+  EXPECT_GE(cv::imread((work() / "p.png").string()).cols, 1000);
+}
+
+TEST_F(CliTest, MapsSequentiallyTheSameEachTime) {
+  ASSERT_EQ(Run({"map", "../drive", "--sequential", "--out", "a.cmap"}).exit_code, 0);
+  ASSERT_EQ(Run({"map", "../drive", "--sequential", "--out", "b.cmap"}).exit_code, 0);
+  EXPECT_EQ(Read(work() / "a.cmap"), Read(work() / "b.cmap"));
+}
+
+TEST_F(CliTest, StitchesAndLocalizesInTheResult) {
+  const Result stitch = Run({"stitch", "../base.cmap", "../segment.cmap", "--out", "road.cmap",
+                             "--report", "stitch.json"});
+  ASSERT_EQ(stitch.exit_code, 0) << stitch.err;
+  const nlohmann::json stitched = ReadJson("stitch.json");
+  EXPECT_GT(stitched["inliers"], 50);
+  EXPECT_EQ(stitched["result"]["bytes"], fs::file_size(work() / "road.cmap"));
+  EXPECT_EQ(stitched["result"]["keyframes"].get<int>(),
+            stitched["base"]["keyframes"].get<int>() + stitched["segment"]["keyframes"].get<int>());
+
+  const Result localize =
+      Run({"localize", "../drive", "--map", "road.cmap", "--map-truth", "../drive", "--trajectory",
+           "t.txt", "--report", "r.json", "--picture", "p.png"});
+  ASSERT_EQ(localize.exit_code, 0) << localize.err;
+  const nlohmann::json report = ReadJson("r.json");
+  EXPECT_EQ(report["frames"], kFrames);
+  EXPECT_EQ(report["localized_frames"], kFrames);
+  EXPECT_LE(report["position_error_m"]["median"].get<double>(), 0.1);
+  EXPECT_LE(report["rotation_error_deg"]["median"].get<double>(), 0.5);
+  for (const char* key : {"read", "decode", "rebuild", "total"})
+    EXPECT_GT(report["load_ms"][key], 0);
+  EXPECT_GT(report["frame_ms"]["p95"], 0);
+  EXPECT_GE(cv::imread((work() / "p.png").string()).cols, 1000);
+
+  const Result evaluate = Run({"evaluate", "trajectory", "t.txt", "../drive/poses.txt", "--json"});
+  ASSERT_EQ(evaluate.exit_code, 0) << evaluate.err;
+  EXPECT_LE(nlohmann::json::parse(evaluate.out)["ate_rmse_m"].get<double>(), 0.1);
+  EXPECT_THAT(Run({"evaluate", "trajectory", "t.txt", "../drive/poses.txt"}).out,
+              HasSubstr("absolute error"));
+}
+
+TEST_F(CliTest, LocalizesAPartOfADrive) {
+  const Result result = Run({"localize", "../drive", "--map", "../base.cmap", "--first", "3",
+                             "--last", "7", "--trajectory", "t.tum", "--report", "r.json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(ReadJson("r.json")["frames"], 5);
+  EXPECT_FALSE(ReadJson("r.json").contains("position_error_m")) << "there was no --map-truth";
+  EXPECT_EQ(ReadTrajectory(work() / "t.tum")->front().timestamp, Timestamp::FromSeconds(0.3));
+}
+
+TEST_F(CliTest, MayReplaceTheBaseMapByTheStitchedOne) {
+  fs::copy(root_ / "base.cmap", work() / "base.cmap");
+  ASSERT_EQ(Run({"stitch", "base.cmap", "../segment.cmap", "--out", "base.cmap"}).exit_code, 0);
+  const auto map = ReadLeanMap(work() / "base.cmap");
+  ASSERT_TRUE(map.ok()) << map.status();
+  EXPECT_EQ(map->drives.size(), 2u);
+}
+
+TEST_F(CliTest, SaysWhatAMapHolds) {
+  const Result table = Run({"info", "../base.cmap"});
+  EXPECT_EQ(table.exit_code, 0);
+  EXPECT_THAT(table.out, AllOf(HasSubstr("landmarks"), HasSubstr("320x160 px")));
+  const Result json = Run({"info", "../base.cmap", "--json"});
+  ASSERT_EQ(json.exit_code, 0);
+  const nlohmann::json info = nlohmann::json::parse(json.out);
+  EXPECT_EQ(info["bytes"], fs::file_size(root_ / "base.cmap"));
+  EXPECT_EQ(info["drives"], 1);
+  EXPECT_EQ(info["gps"], false);
+  EXPECT_GT(info["mean_observations"], 3);
+  EXPECT_NEAR(info["path_length_m"].get<double>(), 8, 1);
+  EXPECT_GT(info["bounding_box_m"]["max"][2], 8);
+  for (const char* key : {"keyframes", "landmarks", "observations", "bytes_per_landmark"}) {
+    EXPECT_GT(info[key], 0) << key;
+  }
+}
+
+// Wrong usage.
+
+TEST_F(CliTest, RefusesWrongUsageWithExitCode2) {
+  ExpectRefusedAtOnce({}, "command is required", 2);
+  ExpectRefusedAtOnce({"mapp"}, "no command 'mapp'", 2);
+  ExpectRefusedAtOnce({"map"}, "DRIVE", 2);
+  ExpectRefusedAtOnce({"map", "../drive"}, "--out", 2);
+  ExpectRefusedAtOnce({"map", "../drive", "--out", "m.cmap", "--frist", "3"}, "--frist", 2);
+  ExpectRefusedAtOnce({"map", "../drive", "--out", "m.cmap", "--first", "-3"}, "--first", 2);
+  ExpectRefusedAtOnce({"map", "../drive", "--out", "m.cmap", "--last", "x"}, "--last", 2);
+  ExpectRefusedAtOnce({"localize", "../drive"}, "--map", 2);
+  ExpectRefusedAtOnce({"stitch", "../base.cmap", "--out", "m.cmap"}, "SEGMENT", 2);
+  ExpectRefusedAtOnce({"evaluate"}, "command is required", 2);
+  ExpectRefusedAtOnce({"info", "../base.cmap", "another"}, "another", 2);
+}
+
+TEST_F(CliTest, RefusesOutputsThatItCannotOrMustNotWrite) {
+  const auto map = [](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"map", "../drive"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  };
+  ExpectRefusedAtOnce(map({"--out", "no/such/m.cmap"}), "no/such/m.cmap: cannot be written");
+  ExpectRefusedAtOnce(map({"--out", "../drive/calib.txt/m.cmap"}), "calib.txt/m.cmap: cannot");
+  ExpectRefusedAtOnce(map({"--out", ".."}), "is a folder");
+  ExpectRefusedAtOnce(map({"--out", "/dev/null"}), "/dev/null: is a device");
+  ExpectRefusedAtOnce(map({"--out", "m.cmap", "--report", "no/r.json"}), "no/r.json");
+  ExpectRefusedAtOnce(map({"--out", "m.cmap", "--picture", "no/p.png"}), "no/p.png");
+  ExpectRefusedAtOnce(map({"--out", "m.cmap", "--trajectory", "./m.cmap"}), "named twice");
+  ExpectRefusedAtOnce(map({"--out", "m.cmap", "--trajectory", "../drive/poses.txt"}),
+                      "would be overwritten");
+  ExpectRefusedAtOnce({"localize", "../drive", "--map", "../base.cmap", "--report", "../base.cmap"},
+                      "would be overwritten");
+  ExpectRefusedAtOnce({"localize", "../drive", "--map", "../base.cmap", "--trajectory", "no/t.txt"},
+                      "no/t.txt");
+  ExpectRefusedAtOnce({"stitch", "../base.cmap", "../segment.cmap", "--out", "../segment.cmap"},
+                      "would be overwritten");
+  ExpectRefusedAtOnce({"stitch", "../base.cmap", "../segment.cmap", "--out", "no/road.cmap"},
+                      "no/road.cmap");
+}
+
+TEST_F(CliTest, FailsWhenItsStandardOutputIsFull) {
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "there is no /dev/full here";
+  const std::string command = fmt::format("'{}' info '{}' >/dev/full 2>/dev/null", CARMAP_PROGRAM,
+                                          (root_ / "base.cmap").string());
+  EXPECT_EQ(WEXITSTATUS(std::system(command.c_str())), 1);
+}
+
+// Drives that cannot be read at all: the same for map and localize.
+
+class BadDrive : public CliTest {
+ protected:
+  static void ExpectRefusedByBoth(const std::string& what,
+                                  const std::string& drive = "../damaged") {
+    ExpectRefusedAtOnce({"map", drive, "--out", "m.cmap", "--report", "r.json"}, what);
+    ExpectRefusedAtOnce({"localize", drive, "--map", "../base.cmap", "--report", "r.json"}, what);
+  }
+};
+
+TEST_F(BadDrive, WithoutFolderOrFiles) {
+  ExpectRefusedByBoth("../absent: no such folder", "../absent");
+  ExpectRefusedByBoth("../base.cmap: no such folder", "../base.cmap");
+  for (const char* name : {"image_0", "image_1", "calib.txt", "times.txt"}) {
+    fs::remove_all(CopyOfDrive() / name);
+    ExpectRefusedByBoth(name);
+  }
+}
+
+TEST_F(BadDrive, WithUnequalImageCounts) {
+  fs::remove(CopyOfDrive() / Image("image_1", 15));
+  ExpectRefusedByBoth("image_0 has 16 images but image_1 has 15");
+}
+
+TEST_F(BadDrive, Empty) {
+  const fs::path drive = CopyOfDrive();
+  for (const char* side : {"image_0", "image_1"}) {
+    fs::remove_all(drive / side);
+    fs::create_directory(drive / side);
+  }
+  ExpectRefusedByBoth("the drive is empty");
+}
+
+TEST_F(BadDrive, WithUnusableCalibration) {
+  const fs::path drive = CopyOfDrive();
+  const std::string calibration = Read(drive / "calib.txt");
+  Write(drive / "calib.txt", Replace(calibration, "P1:", "P2:"));
+  ExpectRefusedByBoth("'P1:' is missing");
+  Write(drive / "calib.txt", Replace(calibration, "220", "nan"));
+  ExpectRefusedByBoth("nan");
+  Write(drive / "calib.txt", "");
+  ExpectRefusedByBoth("'P0:' is missing");
+}
+
+TEST_F(BadDrive, WithTimesThatGoBackOrLack) {
+  const fs::path drive = CopyOfDrive();
+  const std::string times = Read(drive / "times.txt");
+  Write(drive / "times.txt", Replace(times, "0.7\n", "0.5\n"));
+  ExpectRefusedByBoth("times.txt: line 8");
+  Write(drive / "times.txt", Replace(times, "0.7\n", ""));
+  ExpectRefusedByBoth("has 15 times");
+}
+
+TEST_F(BadDrive, WithARangeOutsideIt) {
+  ExpectRefusedAtOnce({"map", "../drive", "--first", "16", "--out", "m.cmap"}, "frames 0 to 15");
+  ExpectRefusedAtOnce({"map", "../drive", "--last", "16", "--out", "m.cmap"}, "frames 0 to 15");
+  ExpectRefusedAtOnce({"map", "../drive", "--first", "7", "--last", "6", "--out", "m.cmap"},
+                      "frames 7 to 6");
+}
+
+TEST_F(BadDrive, OfWhichNoFrameCanBeTracked) {
+  const fs::path drive = CopyOfDrive();
+  for (int frame = 0; frame < static_cast<int>(kFrames); ++frame) {
+    for (const char* side : {"image_0", "image_1"}) {
+      cv::imwrite((drive / Image(side, frame)).string(),
+                  cv::Mat(160, 320, CV_8UC1, cv::Scalar(frame)));
+    }
+  }
+  ExpectRefused({"map", "../damaged", "--out", "m.cmap", "--report", "r.json"},
+                "../damaged: no frame");
+  ExpectRefused({"localize", "../damaged", "--map", "../base.cmap", "--trajectory", "t.txt"},
+                "../damaged: no frame");
+}
+
+TEST_F(BadDrive, OfAnotherRoad) {
+  fs::remove_all(root_ / "damaged");
+  WriteTestDrive(root_ / "damaged", TestDrivePoses(8), /*world=*/2);
+  ExpectRefused({"localize", "../damaged", "--map", "../base.cmap", "--report", "r.json"},
+                "no frame of 8 was found in ../base.cmap");
+  ASSERT_EQ(Run({"map", "../damaged", "--out", "other.cmap"}).exit_code, 0);
+  ExpectRefused({"stitch", "../base.cmap", "other.cmap", "--out", "road.cmap"},
+                "other.cmap: the segment does not overlap");
+}
+
+// Drives with a frame that cannot be used: the rest is done.
+
+class LostFrameTest : public CliTest {
+ protected:
+  /// Frame 7 is lost: one line says what, the others are mapped and localized.
+  static void ExpectOnlyFrame7Lost(const std::string& what) {
+    const auto is_told = testing::ElementsAre(AllOf(HasSubstr("frame 7 "), HasSubstr(what)));
+    const Result map = Run(
+        {"map", "../damaged", "--out", "m.cmap", "--report", "r.json", "--trajectory", "t.txt"});
+    EXPECT_EQ(map.exit_code, 3);
+    EXPECT_THAT(map.problems(), is_told) << map.err;
+    EXPECT_TRUE(ReadLeanMap(work() / "m.cmap").ok());
+    const nlohmann::json report = ReadJson("r.json");
+    EXPECT_EQ(report["tracked_frames"], kFrames - 1);
+    ASSERT_EQ(report["lost_frames"].size(), 1u);
+    EXPECT_EQ(report["lost_frames"][0]["index"], 7);
+    EXPECT_LE(report["ate_rmse_m"].get<double>(), 0.1);
+    const auto trajectory = ReadTrajectory(work() / "t.txt");
+    ASSERT_TRUE(trajectory.ok());
+    EXPECT_FALSE((*trajectory)[7].world_from_camera.has_value());
+
+    const Result localize =
+        Run({"localize", "../damaged", "--map", "m.cmap", "--report", "l.json"});
+    EXPECT_EQ(localize.exit_code, 3);
+    EXPECT_THAT(localize.problems(), is_told) << localize.err;
+    EXPECT_EQ(ReadJson("l.json")["localized_frames"], kFrames - 1);
+  }
+};
+
+TEST_F(LostFrameTest, TruncatedImage) {
+  fs::resize_file(CopyOfDrive() / Image("image_0", 7), 4000);
+  ExpectOnlyFrame7Lost("image_0/000007.png");
+}
+
+TEST_F(LostFrameTest, ImageOfAnotherSize) {
+  const fs::path drive = CopyOfDrive();
+  cv::imwrite((drive / Image("image_1", 7)).string(), cv::Mat(100, 320, CV_8UC1, cv::Scalar(9)));
+  ExpectOnlyFrame7Lost("image_1/000007.png: the image is 320x100");
+}
+
+TEST_F(LostFrameTest, BlackFrame) {
+  const fs::path drive = CopyOfDrive();
+  for (const char* side : {"image_0", "image_1"}) {
+    cv::imwrite((drive / Image(side, 7)).string(), cv::Mat(160, 320, CV_8UC1, cv::Scalar(0)));
+  }
+  ExpectOnlyFrame7Lost("only 0 features");
+}
+
+TEST_F(LostFrameTest, FrozenFrame) {
+  const fs::path drive = CopyOfDrive();
+  for (const char* side : {"image_0", "image_1"}) {
+    fs::copy_file(drive / Image(side, 6), drive / Image(side, 7),
+                  fs::copy_options::overwrite_existing);
+  }
+  ExpectOnlyFrame7Lost("frozen");
+}
+
+TEST_F(LostFrameTest, ManyAreCountedAfterTen) {
+  const fs::path drive = CopyOfDrive();
+  for (int frame = 4; frame < static_cast<int>(kFrames); ++frame) {
+    fs::resize_file(drive / Image("image_0", frame), 100);
+  }
+  const Result result = Run({"map", "../damaged", "--out", "m.cmap"});
+  EXPECT_EQ(result.exit_code, 3);
+  ASSERT_GE(result.problems().size(), 11u);
+  EXPECT_THAT(result.problems()[10], HasSubstr("2 frames lost besides"));
+}
+
+TEST_F(LostFrameTest, AMapWithoutLandmarksIsNotASuccess) {
+  const Result result = Run({"map", "../drive", "--last", "0", "--out", "m.cmap", "--report",
+                             "r.json", "--picture", "p.png"});
+  EXPECT_EQ(result.exit_code, 3);
+  EXPECT_THAT(result.problems(), testing::ElementsAre(HasSubstr("the map is empty")));
+  EXPECT_TRUE(ReadJson("r.json")["bytes_per_landmark"].is_null());
+  EXPECT_EQ(Run({"info", "m.cmap"}).exit_code, 0);
+  ExpectRefusedAtOnce({"localize", "../drive", "--map", "m.cmap"}, "m.cmap: holds no landmark");
+}
+
+// Map files that cannot be trusted.
+
+class BadMap : public CliTest {
+ protected:
+  void SetUp() override {
+    CliTest::SetUp();
+    bytes_ = Read(root_ / "base.cmap");
+  }
+
+  static void ExpectRefusedByAll(const std::string& bytes, const std::string& what) {
+    Write(work() / "bad.cmap", bytes);
+    const std::string message = "bad.cmap: " + what;
+    ExpectRefusedAtOnce({"info", "bad.cmap"}, message);
+    ExpectRefusedAtOnce({"info", "bad.cmap", "--json"}, message);
+    ExpectRefusedAtOnce({"localize", "../drive", "--map", "bad.cmap", "--report", "r.json"},
+                        message);
+    ExpectRefusedAtOnce({"stitch", "bad.cmap", "../segment.cmap", "--out", "n.cmap"}, message);
+    ExpectRefusedAtOnce({"stitch", "../segment.cmap", "bad.cmap", "--out", "n.cmap"}, message);
+  }
+
+  std::string bytes_;
+};
+
+TEST_F(BadMap, Absent) {
+  ExpectRefusedAtOnce({"info", "absent.cmap"}, "absent.cmap: no such file");
+  ExpectRefusedAtOnce({"info", ".."}, "..: is a folder");
+  ExpectRefusedAtOnce({"localize", "../drive", "--map", "absent.cmap"},
+                      "absent.cmap: no such file");
+  ExpectRefusedAtOnce({"stitch", "../base.cmap", "absent.cmap", "--out", "n.cmap"}, "absent.cmap");
+}
+
+TEST_F(BadMap, Cut) {
+  for (const size_t size :
+       {size_t{0}, size_t{1}, size_t{30}, bytes_.size() / 2, bytes_.size() - 1}) {
+    ExpectRefusedByAll(bytes_.substr(0, size), "cut short");
+  }
+}
+
+TEST_F(BadMap, WithFlippedBits) {
+  for (const size_t position :
+       {size_t{0}, size_t{17}, size_t{40}, size_t{150}, bytes_.size() / 3, bytes_.size() - 1}) {
+    std::string damaged = bytes_;
+    damaged[position] = static_cast<char>(damaged[position] ^ 0x10);
+    ExpectRefusedByAll(damaged, "");
+  }
+}
+
+TEST_F(BadMap, OfANewerVersion) {
+  std::string newer = bytes_;
+  newer[8] = 9;
+  ExpectRefusedByAll(newer, "");
+  EXPECT_THAT(Run({"info", "bad.cmap"}).err, AllOf(HasSubstr("version 9"), HasSubstr("upgrade")));
+}
+
+TEST_F(BadMap, ThatWouldNeedTerabytes) {
+  std::vector<Section> sections;
+  const auto views = ReadContainer(bytes_, "base.cmap");
+  ASSERT_TRUE(views.ok());
+  for (const SectionView& view : *views) {
+    sections.push_back({view.id, view.is_mandatory, std::string(view.content)});
+  }
+  // Keyframes at byte 5 of the counts, observations at 25 (docs/format.md).
+  std::fill_n(sections[0].content.begin() + 5, 4, '\xff');
+  std::fill_n(sections[0].content.begin() + 25, 8, '\xff');
+  ExpectRefusedByAll(WriteContainer(sections), "claims");
+}
+
+TEST_F(BadMap, ThatIsNone) { ExpectRefusedByAll("P0: 1 0 0 0 this is no map at all", ""); }
+
+TEST_F(BadMap, StitchedTwice) {
+  ExpectRefusedAtOnce({"stitch", "../base.cmap", "../base.cmap", "--out", "n.cmap"},
+                      "base.cmap: drive");
+}
+
+TEST_F(CliTest, RefusesTruthThatDoesNotFit) {
+  const fs::path drive = CopyOfDrive();
+  fs::remove(drive / "poses.txt");
+  const std::vector<std::string> localize = {"localize", "../drive", "--map", "../base.cmap",
+                                             "--map-truth"};
+  const auto with = [&](const std::string& folder) {
+    std::vector<std::string> arguments = localize;
+    arguments.push_back(folder);
+    return arguments;
+  };
+  ExpectRefusedAtOnce(with("../damaged"), "../damaged/poses.txt");
+  ExpectRefusedAtOnce(with("../absent"), "../absent");
+  const fs::path later = CopyOfDrive();
+  std::string times;
+  for (size_t i = 0; i < kFrames; ++i) times += fmt::format("{:.1f}\n", 100 + 0.1 * i);
+  Write(later / "times.txt", times);
+  ExpectRefusedAtOnce(with("../damaged"), "../base.cmap: of the map's");
+}
+
+TEST_F(CliTest, RefusesTrajectoriesThatItCannotCompare) {
+  Write(work() / "t.txt", "1 0 0 0 0 1 0 0 0 0 1\n");
+  const std::string truth = "../drive/poses.txt";
+  ExpectRefusedAtOnce({"evaluate", "trajectory", "t.txt", truth}, "t.txt: line 1");
+  ExpectRefusedAtOnce({"evaluate", "trajectory", truth, "absent.txt"}, "absent.txt: no such file");
+  Write(work() / "t.txt", "1 0 0 0 0 1 0 0 0 0 1 0\n");
+  ExpectRefusedAtOnce({"evaluate", "trajectory", "t.txt", truth}, "t.txt: ");
+}
+
+// The real drive.
+
+class RealDrive : public CliTest {
+ protected:
+  void SetUp() override {
+    CliTest::SetUp();
+    const char* data = std::getenv("CARMAP_DATA");
+    drive_ = fs::absolute(fs::path(data ? data : CARMAP_DATA_DIR) / "kitti06_000-050").string();
+    if (!fs::is_directory(drive_)) GTEST_SKIP() << drive_ << " is absent";
+  }
+
+  std::string drive_;
+};
+
+TEST_F(RealDrive, MeetsTheTargetsForAccuracyAndSize) {
+  const Result map = Run({"map", drive_, "--sequential", "--out", "full.cmap", "--trajectory",
+                          "full.txt", "--report", "full.json"});
+  ASSERT_EQ(map.exit_code, 0) << map.err;
+  const nlohmann::json mapped = ReadJson("full.json");
+  EXPECT_LE(mapped["ate_rmse_m"].get<double>(), 0.05);
+  EXPECT_LE(mapped["t_rel_5_50_percent"].get<double>(), 0.65);
+  EXPECT_LE(mapped["bytes_per_landmark"].get<double>(), 55);
+  EXPECT_GE(mapped["composition_bytes"]["full"].get<double>(),
+            25 * mapped["composition_bytes"]["lean"].get<double>());
+
+  // The same drive in its map, against the mapping trajectory: both are in the map's frame.
+  const Result localize =
+      Run({"localize", drive_, "--map", "full.cmap", "--trajectory", "loc.txt"});
+  ASSERT_EQ(localize.exit_code, 0) << localize.err;
+  const Trajectory expected = ReadTrajectory(work() / "full.txt").value();
+  const Trajectory localized = ReadTrajectory(work() / "loc.txt").value();
+  std::vector<double> errors_m;
+  for (size_t i = 0; i < expected.size(); ++i) {
+    ASSERT_TRUE(localized[i].world_from_camera.has_value()) << "frame " << i;
+    errors_m.push_back(
+        (localized[i].world_from_camera->translation - expected[i].world_from_camera->translation)
+            .norm());
+  }
+  std::sort(errors_m.begin(), errors_m.end());
+  EXPECT_LE(errors_m[errors_m.size() / 2], 0.02);
+  EXPECT_LE(errors_m.back(), 0.1);
+}
+
+TEST_F(RealDrive, LocalizesEachFrameInAStitchedMap) {
+  ASSERT_EQ(Run({"map", drive_, "--last", "33", "--sequential", "--out", "a.cmap"}).exit_code, 0);
+  ASSERT_EQ(Run({"map", drive_, "--first", "18", "--sequential", "--out", "b.cmap"}).exit_code, 0);
+  const Result stitch = Run({"stitch", "a.cmap", "b.cmap", "--out", "road.cmap"});
+  ASSERT_EQ(stitch.exit_code, 0) << stitch.err;
+  const Result localize =
+      Run({"localize", drive_, "--map", "road.cmap", "--map-truth", drive_, "--report", "r.json"});
+  ASSERT_EQ(localize.exit_code, 0) << localize.err;
+  const nlohmann::json report = ReadJson("r.json");
+  EXPECT_EQ(report["localized_frames"], 51);
+  EXPECT_LE(report["position_error_m"]["max"].get<double>(), 0.15);
+}
+
+}  // namespace
+}  // namespace carmap

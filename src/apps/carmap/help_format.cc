@@ -49,7 +49,7 @@ std::string HelpFormat::make_usage(const CLI::App* app, std::string name) const 
 }
 
 std::string HelpFormat::make_option_opts(const CLI::Option* option) const {
-  const bool takes_value = option->get_type_size() != 0 && !option->get_positional();
+  const bool takes_value = !option->get_type_name().empty() && !option->get_positional();
   return takes_value ? " " + option->get_type_name() : "";
 }
 

@@ -36,9 +36,17 @@ Exit codes:
   2  wrong usage
   3  done, but not with all of the input: lines on standard error say what was left out)";
 
-std::string NameOfCommand(const CLI::App& app) {
+/// Cause and remedy in one line.
+std::string ExplainUsage(const CLI::App& app, const CLI::ParseError& error,
+                         const std::string& first_argument) {
   const auto chosen = app.get_subcommands();
-  return chosen.empty() ? "carmap" : "carmap " + chosen.front()->get_name();
+  if (!chosen.empty()) {
+    return fmt::format("{}; see `carmap {} --help`", error.what(), chosen.front()->get_name());
+  }
+  if (first_argument.empty() || first_argument.front() == '-') {
+    return fmt::format("{}; see `carmap --help`", error.what());
+  }
+  return fmt::format("there is no command '{}'; see `carmap --help`", first_argument);
 }
 
 int Run(int argc, char** argv) {
@@ -59,7 +67,7 @@ int Run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(error);
-    PrintProblem(fmt::format("{}; see `{} --help`", error.what(), NameOfCommand(app)));
+    PrintProblem(ExplainUsage(app, error, argc > 1 ? argv[1] : ""));
     return kWrongUsage;
   }
 

@@ -92,8 +92,7 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
 void AddStitchCommand(CLI::App& app, Command& chosen) {
   CLI::App* command = app.add_subcommand("stitch", "Join a map segment to a base map");
   const auto arguments = std::make_shared<Arguments>();
-  command->add_option("BASE", arguments->base, "Base map (.cmap); may be empty of keyframes")
-      ->required();
+  command->add_option("BASE", arguments->base, "Base map (.cmap)")->required();
   command
       ->add_option("SEGMENT", arguments->segment, "Map of another drive that overlaps it (.cmap)")
       ->required();

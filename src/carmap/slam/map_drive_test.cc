@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <cstring>
 
 #include "carmap/slam/test_world.h"
@@ -33,7 +35,8 @@ struct TrajectoryError {
   double rmse_m = 0, worst_m = 0, worst_rad = 0;
 };
 
-/// Of the frames that have a pose, in the frame of the first camera, which the map's is by definition.
+/// Of the frames that have a pose, in the frame of the first camera, which the map's is by
+/// definition.
 TrajectoryError ErrorOf(const MappedDrive& mapped, const TestDrive& drive) {
   TrajectoryError error;
   double sum = 0, count = 0;
@@ -84,12 +87,10 @@ TEST(MapDrive, TracksEveryFrameAccurately) {
   EXPECT_THAT(LostIndices(mapped), IsEmpty());
   ASSERT_EQ(mapped.trajectory.size(), 24u);
   const TrajectoryError error = ErrorOf(mapped, RenderedDrive());
-  RecordProperty("rmse_mm", static_cast<int>(error.rmse_m * 1000));
-  std::printf("rmse %.4f worst %.4f rad %.5f kf %zu lm %zu\n", error.rmse_m, error.worst_m,
-              error.worst_rad, mapped.map.keyframes().size(), mapped.map.landmarks().size());
-  EXPECT_LT(error.rmse_m, 0.03);
-  EXPECT_LT(error.worst_m, 0.06);
-  EXPECT_LT(error.worst_rad, 0.004);
+  // Twice what was measured: 0.029 m, 0.050 m and 0.0027 rad on a drive of 14 m.
+  EXPECT_LT(error.rmse_m, 0.06);
+  EXPECT_LT(error.worst_m, 0.1);
+  EXPECT_LT(error.worst_rad, 0.0055);
   EXPECT_GE(mapped.map.keyframes().size(), 6u);
   EXPECT_GT(mapped.map.landmarks().size(), 500u);
 }
@@ -125,7 +126,7 @@ TEST(MapDrive, TracksEveryFrameOnThreeThreads) {
   MemorySource source(RenderedDrive());
   const MappedDrive mapped = MapOrFail(source, {});
   EXPECT_THAT(LostIndices(mapped), IsEmpty());
-  EXPECT_LT(ErrorOf(mapped, RenderedDrive()).worst_m, 0.08);
+  EXPECT_LT(ErrorOf(mapped, RenderedDrive()).worst_m, 0.15);
 }
 
 TEST(MapDrive, ReportsProgressAndTimes) {
@@ -166,7 +167,7 @@ TEST_P(BadFrames, BlackOnesAreLost) {
   ASSERT_THAT(LostIndices(mapped), ::testing::ElementsAre(11));
   EXPECT_THAT(mapped.lost_frames[0].reason, HasSubstr("only 0 features"));
   EXPECT_FALSE(mapped.trajectory[11].world_from_camera);
-  EXPECT_LT(ErrorOf(mapped, drive).worst_m, 0.1);
+  EXPECT_LT(ErrorOf(mapped, drive).worst_m, 0.15);
 }
 
 TEST_P(BadFrames, FrozenOnesAreLost) {
@@ -179,7 +180,7 @@ TEST_P(BadFrames, FrozenOnesAreLost) {
   const MappedDrive mapped = MapWithout(source);
   ASSERT_THAT(LostIndices(mapped), ::testing::ElementsAre(12, 13));
   EXPECT_THAT(mapped.lost_frames[0].reason, HasSubstr("frozen"));
-  EXPECT_LT(ErrorOf(mapped, drive).worst_m, 0.1);
+  EXPECT_LT(ErrorOf(mapped, drive).worst_m, 0.15);
 }
 
 TEST_P(BadFrames, UnreadableOnesAreLost) {
@@ -201,7 +202,8 @@ TEST(MapDrive, BeginsWhereThereAreFeaturesEnough) {
   MemorySource source(drive);
   const MappedDrive mapped = MapOrFail(source);
   EXPECT_THAT(LostIndices(mapped), ::testing::ElementsAre(0, 1, 2));
-  EXPECT_THAT(mapped.lost_frames[0].reason, HasSubstr("only 0 features with depth, 100 are needed"));
+  EXPECT_THAT(mapped.lost_frames[0].reason,
+              HasSubstr("only 0 features with depth, 100 are needed"));
 }
 
 TEST(MapDrive, RefusesADriveThatCannotBeTracked) {
@@ -218,8 +220,9 @@ TEST(MapDrive, RefusesADriveThatCannotBeTracked) {
     EXPECT_THAT(std::string(of_flat.status().message()), HasSubstr("no frame of 3"));
     EXPECT_EQ(MapDrive(empty, kDrive, {.sequential = sequential}).status().code(),
               absl::StatusCode::kFailedPrecondition);
-    EXPECT_THAT(std::string(MapDrive(unreadable, kDrive, {.sequential = sequential}).status().message()),
-                HasSubstr("frame 0 is cut short"));
+    EXPECT_THAT(
+        std::string(MapDrive(unreadable, kDrive, {.sequential = sequential}).status().message()),
+        HasSubstr("frame 0 is cut short"));
   }
 }
 
@@ -232,18 +235,16 @@ TEST(MapDrive, BearsARigThatIsNotPerfect) {
     right_camera.cy += 0.4;
     right_camera.cx -= 0.15;  // disparities 0.15 too large
     const Rigid3& pose = drive.world_from_camera[frame.index];
-    frame.right = world.Render(
-        right_camera, {pose.rotation, pose * Eigen::Vector3d(drive.rig.baseline_m, 0, 0)},
-        2 * frame.index + 1);
+    frame.right = world.Render(right_camera,
+                               {pose.rotation, pose * Eigen::Vector3d(drive.rig.baseline_m, 0, 0)},
+                               2 * frame.index + 1);
   }
   MemorySource source(drive);
   const MappedDrive mapped = MapOrFail(source);
   EXPECT_THAT(LostIndices(mapped), IsEmpty());
   const TrajectoryError error = ErrorOf(mapped, drive);
-  std::printf("rmse %.4f worst %.4f rad %.5f bias %.3f %.3f %.3f\n", error.rmse_m, error.worst_m,
-              error.worst_rad, mapped.rig.disparity_bias.coefficients_px[0],
-              mapped.rig.disparity_bias.coefficients_px[1], mapped.rig.disparity_bias.coefficients_px[2]);
-  EXPECT_LT(error.worst_m, 0.2);
+  EXPECT_LT(error.rmse_m, 0.07);
+  EXPECT_NEAR(mapped.rig.disparity_bias.At(0), 0.15, 0.08);
 }
 
 }  // namespace

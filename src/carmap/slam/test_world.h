@@ -1,5 +1,5 @@
-// A street of textured planes and the stereo drive through it, rendered pixel by pixel. For tests that
-// need images with known truth.
+// A street of textured planes and the stereo drive through it, rendered pixel by pixel. For tests
+// that need images with known truth.
 //
 // The texture is a hash of world coordinates, so each machine renders the same.
 #pragma once
@@ -21,20 +21,21 @@ namespace carmap {
 
 inline const StereoRig kTestWorldRig{{180, 180, 160, 55, 320, 120}, 0.54};
 
-/// A road between two walls, with a wall at its end. The street runs along z, x points right, y down,
-/// the camera's height is y = 0.
+/// A road between two walls, with a wall at its end. The street runs along z, x points right, y
+/// down, the camera's height is y = 0.
 class TestWorld {
  public:
   explicit TestWorld(uint32_t seed = 1) : seed_(seed) {}
 
-  cv::Mat Render(const PinholeCamera& camera, const Rigid3& world_from_camera, uint32_t frame) const {
+  cv::Mat Render(const PinholeCamera& camera, const Rigid3& world_from_camera,
+                 uint32_t frame) const {
     cv::Mat image(camera.height, camera.width, CV_8UC1);
     for (int v = 0; v < camera.height; ++v) {
       for (int u = 0; u < camera.width; ++u) {
         const Eigen::Vector3d ray = world_from_camera.rotation * camera.Unproject({u, v}, 1);
         const double noise = 3 * (Hash(frame, u, v, 99) + Hash(frame, u, v, 98) - 1);  // 1.2 greys
-        image.at<uint8_t>(v, u) = cv::saturate_cast<uint8_t>(
-            Grey(world_from_camera.translation, ray, camera.fx) + noise);
+        image.at<uint8_t>(v, u) =
+            cv::saturate_cast<uint8_t>(Grey(world_from_camera.translation, ray, camera.fx) + noise);
       }
     }
     return image;
