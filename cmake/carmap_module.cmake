@@ -19,6 +19,12 @@ if(CARMAP_SANITIZE)
     -fsanitize=${CARMAP_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   target_link_options(carmap_flags INTERFACE -fsanitize=${CARMAP_SANITIZE})
 endif()
+if(CARMAP_SANITIZE MATCHES "thread")
+  # Every program, that is; libraries pass it on.
+  target_sources(carmap_flags INTERFACE
+    $<$<STREQUAL:$<TARGET_PROPERTY:TYPE>,EXECUTABLE>:${PROJECT_SOURCE_DIR}/tests/one_tbb_thread.cc>)
+  target_link_libraries(carmap_flags INTERFACE TBB::tbb)
+endif()
 
 # carmap_module(NAME SOURCES a.cc ... DEPENDS x ... TESTS a_test.cc ... TEST_DEPENDS y ...)
 #

@@ -406,7 +406,8 @@ class LostFrameTest : public CliTest {
  protected:
   /// Frame 7 is lost: one line says what, the others are mapped and localized.
   static void ExpectOnlyFrame7Lost(const std::string& what) {
-    const auto is_told = testing::ElementsAre(AllOf(HasSubstr("frame 7 "), HasSubstr(what)));
+    const auto is_told =
+        testing::ElementsAre(AllOf(HasSubstr("frame 7 "), HasSubstr(what), HasSubstr("; ")));
     const Result map = Run(
         {"map", "../damaged", "--out", "m.cmap", "--report", "r.json", "--trajectory", "t.txt"});
     EXPECT_EQ(map.exit_code, 3);

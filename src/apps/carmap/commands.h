@@ -7,10 +7,8 @@
 
 #include <absl/status/statusor.h>
 
-#include <functional>
-
-// The parser's header has to come before its forward declarations would do.
 #include <CLI/App.hpp>
+#include <functional>
 
 namespace carmap {
 

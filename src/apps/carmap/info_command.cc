@@ -2,6 +2,7 @@
 
 #include <CLI/App.hpp>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>

@@ -51,8 +51,10 @@ void PrintLostFrames(const std::string& drive, const std::vector<LostFrame>& los
   constexpr size_t kMaxLines = 10;
   const size_t lines = std::min(kMaxLines, lost_frames.size());
   for (size_t i = 0; i < lines; ++i) {
-    PrintProblem(fmt::format("{}: frame {} is lost: {}", drive, lost_frames[i].index,
-                             lost_frames[i].reason));
+    const std::string& reason = lost_frames[i].reason;
+    const bool has_remedy = reason.find("; ") != std::string::npos;
+    PrintProblem(fmt::format("{}: frame {} is lost: {}{}", drive, lost_frames[i].index, reason,
+                             has_remedy ? "" : "; look at its images in image_0 and image_1"));
   }
   if (lost_frames.size() > lines) {
     PrintProblem(fmt::format("{}: {} lost besides; --report names each", drive,

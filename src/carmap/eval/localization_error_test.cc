@@ -51,6 +51,23 @@ TEST(AlignMapToTruth, FindsTheTransform) {
             1e-9);
 }
 
+TEST(AlignMapToTruth, IsNotTurnedAboutAStraightRoadByNoise) {
+  LeanMap map;
+  Trajectory truth;
+  for (int i = 0; i < 30; ++i) {
+    const Rigid3 pose{{1, 0, 0, 0}, {0.02 * std::cos(i), 0.02 * std::sin(0.7 * i), 2.0 * i}};
+    LeanKeyframe keyframe;
+    keyframe.id = {{7}, static_cast<uint32_t>(i)};
+    keyframe.timestamp = Timestamp::FromSeconds(i);
+    keyframe.map_from_camera = pose;
+    map.keyframes.push_back(keyframe);
+    truth.push_back({keyframe.timestamp, Rigid3{{1, 0, 0, 0}, {0, 0, 2.0 * i}}});
+  }
+  const auto alignment = AlignMapToTruth(map, truth);
+  ASSERT_TRUE(alignment.ok());
+  EXPECT_LE(RotationAngle(alignment->world_from_map.rotation), 0.002);
+}
+
 TEST(AlignMapToTruth, SaysHowWellTheMapFits) {
   Trajectory truth = TruthOf(20);
   for (size_t i = 0; i < truth.size(); i += 4) truth[i].world_from_camera->translation.y() += 0.2;
