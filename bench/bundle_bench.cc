@@ -50,7 +50,8 @@ double SolveWithCeres(Bundle bundle) {
   ceres::Problem problem;
   for (const BundleObservation& o : bundle.observations) {
     problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<StereoError, 3, 6, 3>(new StereoError{bundle.rig, bundle.noise, o}),
+        new ceres::AutoDiffCostFunction<StereoError, 3, 6, 3>(
+            new StereoError{bundle.rig, bundle.noise, o}),
         new ceres::HuberLoss(std::sqrt(o.disparity_px > 0 ? kChiSquareBound3 : kChiSquareBound2)),
         poses[o.pose_idx].data(), bundle.points_in_map[o.point_idx].data());
   }
@@ -71,14 +72,16 @@ double SolveWithCeres(Bundle bundle) {
 
 void BenchBundleAdjustment() {
   TestRandom random(1);
-  Bundle bundle = MakeBundle(12, 2000, {.pixel_px = 1, .disparity_px = 0.7, .outlier_ratio = 0.05}, random);
+  Bundle bundle =
+      MakeBundle(12, 2000, {.pixel_px = 1, .disparity_px = 0.7, .outlier_ratio = 0.05}, random);
   Disturb(bundle, 0.05, 0.003, random);
   std::vector<double> our_ms, ceres_ms;
   double our_cost = 0, ceres_cost = 0;
   for (int repeat = 0; repeat < 5; ++repeat) {
     Bundle ours = bundle;
     Stopwatch watch;
-    our_cost = AdjustBundle(ours, {.robust_iterations = kIterations, .final_iterations = 0,
+    our_cost = AdjustBundle(ours, {.robust_iterations = kIterations,
+                                   .final_iterations = 0,
                                    .min_relative_decrease = 0})
                    .final_cost;
     our_ms.push_back(watch.ElapsedMs());
@@ -87,12 +90,13 @@ void BenchBundleAdjustment() {
     ceres_ms.push_back(watch.ElapsedMs());
   }
   const double ours = Summarize(our_ms).median, theirs = Summarize(ceres_ms).median;
-  fmt::print("\nbundle adjustment, 12 poses, {} points, {} observations, {} iterations, one thread\n",
-             bundle.points_in_map.size(), bundle.observations.size(), kIterations);
-  fmt::print("{:<44} {:>8.2f} ms {:>8.3f} x  cost {:.1f}\n", "Ceres, DENSE_SCHUR, automatic derivatives", theirs,
-             1.0, ceres_cost);
-  fmt::print("{:<44} {:>8.2f} ms {:>8.3f} x  cost {:.1f}\n", "carmap::AdjustBundle", ours, ours / theirs,
-             our_cost);
+  fmt::print(
+      "\nbundle adjustment, 12 poses, {} points, {} observations, {} iterations, one thread\n",
+      bundle.points_in_map.size(), bundle.observations.size(), kIterations);
+  fmt::print("{:<44} {:>8.2f} ms {:>8.3f} x  cost {:.1f}\n",
+             "Ceres, DENSE_SCHUR, automatic derivatives", theirs, 1.0, ceres_cost);
+  fmt::print("{:<44} {:>8.2f} ms {:>8.3f} x  cost {:.1f}\n", "carmap::AdjustBundle", ours,
+             ours / theirs, our_cost);
 }
 
 }  // namespace carmap

@@ -1,8 +1,8 @@
 // Times what is hot, as ratios to a yardstick measured in the same run.
 //
-// The yardstick is OpenCV's own ORB, cv::ORB::create(2000) with defaults on one thread, on both images
-// of a frame. It is measured frame by frame in turn with what it is compared to, so that both see the
-// same machine.
+// The yardstick is OpenCV's own ORB, cv::ORB::create(2000) with defaults on one thread, on both
+// images of a frame. It is measured frame by frame in turn with what it is compared to, so that
+// both see the same machine.
 
 #include <fmt/format.h>
 #include <tbb/global_control.h>
@@ -82,8 +82,8 @@ int Run(const std::string& folder, int threads) {
   const auto frames = static_cast<double>(mapped->frame_ms.size());
   const auto keyframes = static_cast<double>(mapped->map.keyframes().size());
 
-  fmt::print("{}, {} frames, {} keyframes, {} thread(s) for the front end\n\n", folder, frames, keyframes,
-             threads);
+  fmt::print("{}, {} frames, {} keyframes, {} thread(s) for the front end\n\n", folder, frames,
+             keyframes, threads);
   fmt::print("{:<44} {:>11} {:>10}\n", "", "time", "yardstick");
   PrintRow("yardstick: OpenCV ORB(2000), both images", yardstick, yardstick);
   PrintRow("track a stereo frame, median", frame.median, yardstick);
@@ -118,9 +118,10 @@ int Run(const std::string& folder, int threads) {
   PrintRow("rebuild its indexes", Summarize(rebuild_ms).median, yardstick);
   fmt::print("\ndecode and rebuild a keyframe: {:.3f} ms\n",
              (Summarize(decode_ms).median + Summarize(rebuild_ms).median) / keyframes);
-  fmt::print("lean map: {} bytes, {} landmarks, {:.1f} bytes a landmark\n", bytes->size(),
-             stripped.lean.landmarks.size(),
-             static_cast<double>(bytes->size()) / static_cast<double>(stripped.lean.landmarks.size()));
+  fmt::print(
+      "lean map: {} bytes, {} landmarks, {:.1f} bytes a landmark\n", bytes->size(),
+      stripped.lean.landmarks.size(),
+      static_cast<double>(bytes->size()) / static_cast<double>(stripped.lean.landmarks.size()));
   fmt::print("peak memory: {:.0f} MB\n", PeakMemoryMb());
   return 0;
 }
@@ -138,7 +139,9 @@ int main(int argc, char** argv) {
   std::string drive = carmap::DefaultDrive();
   int threads = 2;
   app.add_option("drive", drive, "Drive folder in KITTI layout")->capture_default_str();
-  app.add_option("--threads", threads, "Threads for the front end")->capture_default_str()->check(CLI::Range(1, 256));
+  app.add_option("--threads", threads, "Threads for the front end")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 256));
   CLI11_PARSE(app, argc, argv);
   const int result = carmap::Run(drive, threads);
   carmap::BenchBundleAdjustment();

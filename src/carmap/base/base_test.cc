@@ -37,7 +37,8 @@ TEST_F(FileTest, LeavesNoTemporaryFileBehind) {
   fs::create_directory(folder_ / "taken");
   EXPECT_FALSE(WriteFileAtomically(folder_ / "taken", "cannot replace a folder").ok());
   std::vector<std::string> names;
-  for (const auto& entry : fs::directory_iterator(folder_)) names.push_back(entry.path().filename());
+  for (const auto& entry : fs::directory_iterator(folder_))
+    names.push_back(entry.path().filename());
   EXPECT_THAT(names, testing::UnorderedElementsAre("x", "taken"));
 }
 

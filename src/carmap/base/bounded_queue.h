@@ -1,7 +1,7 @@
 // A queue of limited length between two stages of a pipeline.
 //
-// Thread-safe. Push blocks while the queue is full, Pop while it is empty. After Close, Push refuses
-// and Pop hands out what is left, then nothing.
+// Thread-safe. Push blocks while the queue is full, Pop while it is empty. After Close, Push
+// refuses and Pop hands out what is left, then nothing.
 #pragma once
 
 #include <condition_variable>

@@ -1,8 +1,8 @@
 #include "carmap/base/file.h"
 
 #include <fcntl.h>
-#include <sys/stat.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -23,9 +23,10 @@ fs::path ParentOf(const fs::path& path) {
 }
 
 absl::Status WriteError(const fs::path& path, int error) {
-  return absl::UnavailableError(fmt::format("{}: cannot be written ({}); choose a folder that exists, "
-                                            "is writable and has room",
-                                            path.string(), std::strerror(error)));
+  return absl::UnavailableError(
+      fmt::format("{}: cannot be written ({}); choose a folder that exists, "
+                  "is writable and has room",
+                  path.string(), std::strerror(error)));
 }
 
 absl::Status WriteAll(int descriptor, std::string_view bytes, const fs::path& path) {
@@ -75,8 +76,9 @@ absl::StatusOr<std::string> ReadFile(const fs::path& path, uint64_t max_bytes) {
     stream.read(bytes.data() + size, kPiece);
     bytes.resize(size + static_cast<size_t>(stream.gcount()));
     if (bytes.size() > max_bytes) {
-      return absl::InvalidArgumentError(fmt::format(
-          "{}: larger than the limit of {} bytes; not a file of this kind", path.string(), max_bytes));
+      return absl::InvalidArgumentError(
+          fmt::format("{}: larger than the limit of {} bytes; not a file of this kind",
+                      path.string(), max_bytes));
     }
   }
   if (stream.bad()) return absl::DataLossError(fmt::format("{}: reading failed", path.string()));
@@ -90,7 +92,8 @@ absl::Status WriteFileAtomically(const fs::path& path, std::string_view bytes) {
   absl::Status status = WriteAll(descriptor, bytes, path);
   if (::fchmod(descriptor, 0644) != 0 && status.ok()) status = WriteError(path, errno);
   if (::close(descriptor) != 0 && status.ok()) status = WriteError(path, errno);
-  if (status.ok() && ::rename(temporary.c_str(), path.c_str()) != 0) status = WriteError(path, errno);
+  if (status.ok() && ::rename(temporary.c_str(), path.c_str()) != 0)
+    status = WriteError(path, errno);
   if (!status.ok()) {
     ::unlink(temporary.c_str());
     return status;
@@ -106,9 +109,8 @@ absl::Status CheckWritable(const fs::path& path) {
         fmt::format("{}: is a folder; name a file to write", path.string()));
   }
   if (fs::exists(path, error) && !fs::is_regular_file(path, error)) {
-    return absl::InvalidArgumentError(
-        fmt::format("{}: is a device, not a file, and would be replaced; name a file to write",
-                    path.string()));
+    return absl::InvalidArgumentError(fmt::format(
+        "{}: is a device, not a file, and would be replaced; name a file to write", path.string()));
   }
   if (::access(ParentOf(path).c_str(), W_OK | X_OK) != 0) return WriteError(path, errno);
   return absl::OkStatus();

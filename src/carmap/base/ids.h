@@ -1,8 +1,8 @@
 // Identities of drives, keyframes and landmarks.
 //
-// A drive is one run of the mapper; its id is a hash of its input, so it is the same on every machine.
-// Keyframes and landmarks are known worldwide by (drive, index). All are plain values: ordered,
-// hashable and safe to copy between threads.
+// A drive is one run of the mapper; its id is a hash of its input, so it is the same on every
+// machine. Keyframes and landmarks are known worldwide by (drive, index). All are plain values:
+// ordered, hashable and safe to copy between threads.
 #pragma once
 
 #include <compare>

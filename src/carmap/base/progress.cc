@@ -22,8 +22,8 @@ void Progress::Update(size_t done, const std::string& note) {
   if (now_ms - last_ms_ < interval_ms && done != total_) return;
   last_ms_ = now_ms;
   const double rate = done / std::max(now_ms * 1e-3, 1e-3);
-  fmt::print(stderr, "{}{} {}/{} ({:.0f}/s){}{}{}", on_terminal_ ? "\r\033[K" : "", title_, done, total_,
-             rate, note.empty() ? "" : ", ", note, on_terminal_ ? "" : "\n");
+  fmt::print(stderr, "{}{} {}/{} ({:.0f}/s){}{}{}", on_terminal_ ? "\r\033[K" : "", title_, done,
+             total_, rate, note.empty() ? "" : ", ", note, on_terminal_ ? "" : "\n");
   std::fflush(stderr);
   line_open_ = on_terminal_;
 }

@@ -6,11 +6,11 @@
 
 #include <utility>
 
-#define CARMAP_RETURN_IF_ERROR(expression)                                    \
-  do {                                                                        \
-    if (absl::Status carmap_status = (expression); !carmap_status.ok()) {     \
-      return carmap_status;                                                   \
-    }                                                                         \
+#define CARMAP_RETURN_IF_ERROR(expression)                                \
+  do {                                                                    \
+    if (absl::Status carmap_status = (expression); !carmap_status.ok()) { \
+      return carmap_status;                                               \
+    }                                                                     \
   } while (false)
 
 #define CARMAP_CONCAT_INNER(a, b) a##b

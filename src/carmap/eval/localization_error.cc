@@ -17,17 +17,6 @@ constexpr int64_t kMaxTimeDifferenceNs = 20'000'000;
 constexpr size_t kMinKeyframes = 3;
 constexpr double kDegPerRad = 180 / M_PI;
 
-/// A pose as points: its position and the tips of its axes. Mapping knows positions to centimetres
-/// and orientations to some milliradians, so a tip this far away is about as good a point as the
-/// position. Positions alone would leave the turn about a straight road to their noise.
-void AppendPoints(const Rigid3& pose, std::vector<Eigen::Vector3d>& points) {
-  constexpr double kAxisLengthM = 5;
-  points.push_back(pose.translation);
-  for (int axis = 0; axis < 3; ++axis) {
-    points.push_back(pose * (kAxisLengthM * Eigen::Vector3d::Unit(axis)));
-  }
-}
-
 std::optional<Rigid3> TruePoseAt(const Trajectory& truth, Timestamp time) {
   const auto after =
       std::lower_bound(truth.begin(), truth.end(), time,
@@ -48,30 +37,28 @@ std::optional<Rigid3> TruePoseAt(const Trajectory& truth, Timestamp time) {
 }  // namespace
 
 absl::StatusOr<MapAlignment> AlignMapToTruth(const LeanMap& map, const Trajectory& truth) {
-  std::vector<Eigen::Vector3d> points_in_map, points_in_world;
-  MapAlignment alignment;
+  std::vector<Rigid3> in_map, in_world;
   for (const LeanKeyframe& keyframe : map.keyframes) {
     const std::optional<Rigid3> true_pose = TruePoseAt(truth, keyframe.timestamp);
     if (!true_pose) continue;
-    ++alignment.keyframes;
-    AppendPoints(keyframe.map_from_camera, points_in_map);
-    AppendPoints(*true_pose, points_in_world);
+    in_map.push_back(keyframe.map_from_camera);
+    in_world.push_back(*true_pose);
   }
-  const auto world_from_map = AlignRigidly(points_in_map, points_in_world);
-  if (alignment.keyframes < kMinKeyframes || !world_from_map) {
+  const std::optional<Rigid3> world_from_map =
+      in_map.size() < kMinKeyframes ? std::nullopt : AlignTrajectories(in_map, in_world);
+  if (!world_from_map) {
     return absl::FailedPreconditionError(fmt::format(
         "of the map's {} keyframes {} have a time stamp of the ground truth, {} are needed; name "
         "the drive that the map was made from",
-        map.keyframes.size(), alignment.keyframes, kMinKeyframes));
+        map.keyframes.size(), in_map.size(), kMinKeyframes));
   }
-  alignment.world_from_map = *world_from_map;
-  const size_t points_per_pose = points_in_map.size() / alignment.keyframes;
   double sum_of_squares = 0;
-  for (size_t i = 0; i < points_in_map.size(); i += points_per_pose) {
-    sum_of_squares += (*world_from_map * points_in_map[i] - points_in_world[i]).squaredNorm();
+  for (size_t i = 0; i < in_map.size(); ++i) {
+    const Eigen::Vector3d aligned = *world_from_map * in_map[i].translation;
+    sum_of_squares += (aligned - in_world[i].translation).squaredNorm();
   }
-  alignment.rmse_m = std::sqrt(sum_of_squares / static_cast<double>(alignment.keyframes));
-  return alignment;
+  return MapAlignment{*world_from_map, in_map.size(),
+                      std::sqrt(sum_of_squares / static_cast<double>(in_map.size()))};
 }
 
 LocalizationError EvaluateLocalization(const Trajectory& map_from_camera, const Trajectory& truth,

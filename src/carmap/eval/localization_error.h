@@ -22,8 +22,8 @@ struct MapAlignment {
 };
 
 /// `truth` has time stamps, ascending, of the clock of the map's keyframes; those within 0.02 s
-/// belong together. Positions count, and orientations as much as a point 5 m away does. Errors:
-/// FailedPrecondition when fewer than three keyframes have a true pose.
+/// belong together (AlignTrajectories). Errors: FailedPrecondition when fewer than three keyframes
+/// have a true pose.
 absl::StatusOr<MapAlignment> AlignMapToTruth(const LeanMap& map, const Trajectory& truth);
 
 struct LocalizationError {

@@ -14,9 +14,22 @@ using Bytes = hn::ScalableTag<uint8_t>;
 using Vector = hn::Vec<Bytes>;
 
 // The Bresenham circle of radius 3, in order.
-constexpr std::array<std::array<int, 2>, 16> kCircle = {
-    {{0, -3}, {1, -3}, {2, -2}, {3, -1}, {3, 0}, {3, 1}, {2, 2}, {1, 3},
-     {0, 3}, {-1, 3}, {-2, 2}, {-3, 1}, {-3, 0}, {-3, -1}, {-2, -2}, {-1, -3}}};
+constexpr std::array<std::array<int, 2>, 16> kCircle = {{{0, -3},
+                                                         {1, -3},
+                                                         {2, -2},
+                                                         {3, -1},
+                                                         {3, 0},
+                                                         {3, 1},
+                                                         {2, 2},
+                                                         {1, 3},
+                                                         {0, 3},
+                                                         {-1, 3},
+                                                         {-2, 2},
+                                                         {-3, 1},
+                                                         {-3, 0},
+                                                         {-3, -1},
+                                                         {-2, -2},
+                                                         {-1, -3}}};
 
 auto AtLeast(Vector a, Vector b) { return hn::Eq(hn::Max(a, b), a); }
 
@@ -34,7 +47,8 @@ Vector BestArc(const std::array<Vector, 16>& circle) {
 }
 
 /// An arc of nine covers at least two neighbouring compass points, so both of a pair must differ.
-bool MayHoldCorner(const uint8_t* center, const std::array<ptrdiff_t, 16>& offsets, Vector threshold) {
+bool MayHoldCorner(const uint8_t* center, const std::array<ptrdiff_t, 16>& offsets,
+                   Vector threshold) {
   const Bytes d;
   const Vector c = hn::LoadU(d, center);
   std::array<Vector, 4> brighter, darker;
@@ -63,9 +77,10 @@ Vector Scores(const uint8_t* center, const std::array<ptrdiff_t, 16>& offsets) {
   return hn::Max(BestArc(brighter), BestArc(darker));
 }
 
-/// Scores of one row, zero where below the threshold and right of x_end. Works in whole vectors: the last
-/// one is moved left to end at x_end if it can, so it may compute some pixels twice.
-void ScoreRow(const cv::Mat& image, int y, int x_begin, int x_end, uint8_t threshold, uint8_t* scores) {
+/// Scores of one row, zero where below the threshold and right of x_end. Works in whole vectors:
+/// the last one is moved left to end at x_end if it can, so it may compute some pixels twice.
+void ScoreRow(const cv::Mat& image, int y, int x_begin, int x_end, uint8_t threshold,
+              uint8_t* scores) {
   const Bytes d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   std::array<ptrdiff_t, 16> offsets;
@@ -95,23 +110,26 @@ cv::Mat WideEnough(const cv::Mat& image, int x_begin, int x_end, int lanes) {
 }
 
 /// Appends the pixels of the middle row that are local maxima. Of equal neighbours the first wins.
-void CollectMaxima(const uint8_t* above, const uint8_t* middle, const uint8_t* below, int y, int x_begin,
-                   int x_end, std::vector<Corner>& corners) {
+void CollectMaxima(const uint8_t* above, const uint8_t* middle, const uint8_t* below, int y,
+                   int x_begin, int x_end, std::vector<Corner>& corners) {
   const Bytes d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   for (int x = x_begin; x < x_end; x += lanes) {
     const Vector score = hn::LoadU(d, middle + x);
     if (hn::AllTrue(d, hn::Eq(score, hn::Zero(d)))) continue;
-    const Vector before = hn::Max(hn::Max(hn::LoadU(d, above + x - 1), hn::LoadU(d, above + x)),
-                                  hn::Max(hn::LoadU(d, above + x + 1), hn::LoadU(d, middle + x - 1)));
-    const Vector after = hn::Max(hn::Max(hn::LoadU(d, below + x - 1), hn::LoadU(d, below + x)),
-                                 hn::Max(hn::LoadU(d, below + x + 1), hn::LoadU(d, middle + x + 1)));
+    const Vector before =
+        hn::Max(hn::Max(hn::LoadU(d, above + x - 1), hn::LoadU(d, above + x)),
+                hn::Max(hn::LoadU(d, above + x + 1), hn::LoadU(d, middle + x - 1)));
+    const Vector after =
+        hn::Max(hn::Max(hn::LoadU(d, below + x - 1), hn::LoadU(d, below + x)),
+                hn::Max(hn::LoadU(d, below + x + 1), hn::LoadU(d, middle + x + 1)));
     const auto is_maximum = hn::And(hn::Gt(score, before), AtLeast(score, after));
     std::array<uint8_t, (HWY_MAX_BYTES + 7) / 8> bytes{};
     hn::StoreMaskBits(d, is_maximum, bytes.data());
     for (int lane = 0; lane < lanes && x + lane < x_end; ++lane) {
       if ((bytes[lane / 8] >> (lane % 8)) & 1) {
-        corners.push_back({static_cast<int16_t>(x + lane), static_cast<int16_t>(y), middle[x + lane]});
+        corners.push_back(
+            {static_cast<int16_t>(x + lane), static_cast<int16_t>(y), middle[x + lane]});
       }
     }
   }

@@ -42,7 +42,11 @@ inline double ScaleOfLevel(int level) { return std::pow(kLevelScale, level); }
 
 /// A coordinate of a level's pixel grid in the full-size image, and back. Images share their outer
 /// edges, so centres of pixels shift by half a pixel's difference.
-inline double FullSizeFromLevel(double at_level, double scale) { return (at_level + 0.5) * scale - 0.5; }
-inline double LevelFromFullSize(double at_full, double scale) { return (at_full + 0.5) / scale - 0.5; }
+inline double FullSizeFromLevel(double at_level, double scale) {
+  return (at_level + 0.5) * scale - 0.5;
+}
+inline double LevelFromFullSize(double at_full, double scale) {
+  return (at_full + 0.5) / scale - 0.5;
+}
 
 }  // namespace carmap

@@ -31,7 +31,8 @@ class FeatureGrid {
       const uint32_t end = cell_begin_[row * columns_ + column_last + 1];
       for (uint32_t i = begin; i < end; ++i) {
         const Feature& feature = (*features_)[feature_idxs_[i]];
-        if (std::abs(feature.x_px - x_px) <= radius_px && std::abs(feature.y_px - y_px) <= radius_px) {
+        if (std::abs(feature.x_px - x_px) <= radius_px &&
+            std::abs(feature.y_px - y_px) <= radius_px) {
           visit(feature_idxs_[i]);
         }
       }
@@ -41,7 +42,9 @@ class FeatureGrid {
  private:
   static constexpr int kCellPx = 16;
 
-  int Column(double x_px) const { return std::clamp(static_cast<int>(x_px / kCellPx), 0, columns_ - 1); }
+  int Column(double x_px) const {
+    return std::clamp(static_cast<int>(x_px / kCellPx), 0, columns_ - 1);
+  }
   int Row(double y_px) const { return std::clamp(static_cast<int>(y_px / kCellPx), 0, rows_ - 1); }
 
   const std::vector<Feature>* features_;

@@ -9,7 +9,8 @@ ImagePyramid BuildPyramid(const cv::Mat& image) {
   pyramid[0] = image;
   for (int level = 1; level < kLevelCount; ++level) {
     // Given the factor rather than the size, the scale is exact whatever the rounding of the size.
-    cv::resize(pyramid[level - 1], pyramid[level], {}, 1 / kLevelScale, 1 / kLevelScale, cv::INTER_LINEAR);
+    cv::resize(pyramid[level - 1], pyramid[level], {}, 1 / kLevelScale, 1 / kLevelScale,
+               cv::INTER_LINEAR);
   }
   return pyramid;
 }

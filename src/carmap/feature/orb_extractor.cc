@@ -44,7 +44,8 @@ TestPattern DrawPattern() {
 
 const TestPattern kPattern = DrawPattern();
 
-Descriptor Describe(const std::array<std::array<ptrdiff_t, 2>, 256>& offsets, const uint8_t* center) {
+Descriptor Describe(const std::array<std::array<ptrdiff_t, 2>, 256>& offsets,
+                    const uint8_t* center) {
   Descriptor descriptor;
   for (size_t word = 0; word < 4; ++word) {
     uint64_t bits = 0;
@@ -57,9 +58,10 @@ Descriptor Describe(const std::array<std::array<ptrdiff_t, 2>, 256>& offsets, co
   return descriptor;
 }
 
-/// Keeps at most `count` corners: from each cell of a grid its best, then each cell's second best, and
-/// so on, so that strong texture in one place does not starve the rest of the image.
-std::vector<Corner> SpreadEvenly(const std::vector<Corner>& corners, const cv::Size& size, size_t count) {
+/// Keeps at most `count` corners: from each cell of a grid its best, then each cell's second best,
+/// and so on, so that strong texture in one place does not starve the rest of the image.
+std::vector<Corner> SpreadEvenly(const std::vector<Corner>& corners, const cv::Size& size,
+                                 size_t count) {
   if (corners.size() <= count) return corners;
   const double area = static_cast<double>(size.width) * size.height;
   const int cell_px = std::max(8, static_cast<int>(std::sqrt(area / static_cast<double>(count))));
@@ -85,9 +87,11 @@ std::vector<Corner> SpreadEvenly(const std::vector<Corner>& corners, const cv::S
   return kept;
 }
 
-std::vector<Feature> ExtractLevel(const cv::Mat& image, int level, size_t count, const OrbOptions& options) {
+std::vector<Feature> ExtractLevel(const cv::Mat& image, int level, size_t count,
+                                  const OrbOptions& options) {
   std::vector<Corner> corners = DetectCorners(image, options.corner_threshold, kMargin);
-  if (corners.size() < count) corners = DetectCorners(image, options.weak_corner_threshold, kMargin);
+  if (corners.size() < count)
+    corners = DetectCorners(image, options.weak_corner_threshold, kMargin);
   corners = SpreadEvenly(corners, image.size(), count);
   std::vector<Feature> features;
   if (corners.empty()) return features;

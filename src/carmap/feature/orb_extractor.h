@@ -1,5 +1,5 @@
-// ORB features (Rublee et al. 2011), upright: FAST corners over an image pyramid, spread evenly, with
-// binary descriptors.
+// ORB features (Rublee et al. 2011), upright: FAST corners over an image pyramid, spread evenly,
+// with binary descriptors.
 //
 // Cars do not roll, so descriptors are not turned by the patch's orientation
 // (docs/decisions/0002-upright-descriptors.md).

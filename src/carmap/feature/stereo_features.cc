@@ -7,8 +7,9 @@
 
 namespace carmap {
 
-std::vector<Feature> ExtractStereoFeatures(const cv::Mat& left, const cv::Mat& right, const StereoRig& rig,
-                                           const FrontEndOptions& options, FrontEndTimes* times) {
+std::vector<Feature> ExtractStereoFeatures(const cv::Mat& left, const cv::Mat& right,
+                                           const StereoRig& rig, const FrontEndOptions& options,
+                                           FrontEndTimes* times) {
   ImagePyramid left_pyramid, right_pyramid;
   const Stopwatch watch;
   tbb::parallel_invoke([&] { left_pyramid = BuildPyramid(left); },

@@ -22,7 +22,8 @@ struct FrontEndTimes {
 };
 
 /// Thread-safe; uses all cores for one frame. The result does not depend on how many there are.
-std::vector<Feature> ExtractStereoFeatures(const cv::Mat& left, const cv::Mat& right, const StereoRig& rig,
-                                           const FrontEndOptions& options, FrontEndTimes* times = nullptr);
+std::vector<Feature> ExtractStereoFeatures(const cv::Mat& left, const cv::Mat& right,
+                                           const StereoRig& rig, const FrontEndOptions& options,
+                                           FrontEndTimes* times = nullptr);
 
 }  // namespace carmap

@@ -36,7 +36,8 @@ hn::Vec<Bytes> AbsoluteDifference(hn::Vec<Bytes> a, hn::Vec<Bytes> b) {
 
 PatchRows LoadPatch(const cv::Mat& image, int x, int y) {
   PatchRows rows;
-  for (int i = 0; i < kSide; ++i) rows[i] = LoadRow(image.ptr<uint8_t>(y - kRadius + i, x - kRadius));
+  for (int i = 0; i < kSide; ++i)
+    rows[i] = LoadRow(image.ptr<uint8_t>(y - kRadius + i, x - kRadius));
   return rows;
 }
 
@@ -52,8 +53,9 @@ int Difference(const PatchRows& patch, const cv::Mat& image, int x, int y) {
 }
 
 /// Best x along the row, unless another place is almost as good.
-std::optional<int> SearchRow(const PatchRows& patch, const cv::Mat& right, int y, int x_first, int x_last,
-                             const StereoOptions& options, std::vector<int>& differences) {
+std::optional<int> SearchRow(const PatchRows& patch, const cv::Mat& right, int y, int x_first,
+                             int x_last, const StereoOptions& options,
+                             std::vector<int>& differences) {
   differences.resize(x_last - x_first + 1);
   for (int x = x_first; x <= x_last; ++x) differences[x - x_first] = Difference(patch, right, x, y);
   const auto best = std::min_element(differences.begin(), differences.end());
@@ -74,8 +76,8 @@ float Sum(const std::array<float, kLanes>& lanes) {
   return std::accumulate(lanes.begin(), lanes.end(), 0.0f);
 }
 
-/// The patch around (x, y) of the left image with its gradients, made once and compared with several
-/// places of the right image.
+/// The patch around (x, y) of the left image with its gradients, made once and compared with
+/// several places of the right image.
 class PatchTemplate {
  public:
   PatchTemplate(const cv::Mat& image, int x, int y) {
@@ -97,14 +99,15 @@ class PatchTemplate {
         sums[4][i] += gy[i];
       }
     }
-    const float xx = Sum(sums[0]), xy = Sum(sums[1]), yy = Sum(sums[2]), x1 = Sum(sums[3]), y1 = Sum(sums[4]);
+    const float xx = Sum(sums[0]), xy = Sum(sums[1]), yy = Sum(sums[2]), x1 = Sum(sums[3]),
+                y1 = Sum(sums[4]);
     Eigen::Matrix3f normal;
     normal << xx, xy, x1, xy, yy, y1, x1, y1, kSide * kSide;
     inverse_ = (normal + 1e-3f * Eigen::Matrix3f::Identity()).inverse();
   }
 
-  /// Gauss-Newton step from (x, y) of `image` towards the place that looks like the template. The third
-  /// unknown, solved and dropped, is a difference in brightness between the cameras.
+  /// Gauss-Newton step from (x, y) of `image` towards the place that looks like the template. The
+  /// third unknown, solved and dropped, is a difference in brightness between the cameras.
   Eigen::Vector2d StepTowards(const cv::Mat& image, double x, double y) const {
     const int x0 = static_cast<int>(std::floor(x)), y0 = static_cast<int>(std::floor(y));
     const auto fx = static_cast<float>(x - x0), fy = static_cast<float>(y - y0);
@@ -115,13 +118,16 @@ class PatchTemplate {
       const uint8_t* b = a + image.step[0];
       for (int i = 0; i < kLanes; ++i) {
         const float inside = i < kSide ? 1.0f : 0.0f;
-        const float error = grey_[row][i] - (w00 * a[i] + w01 * a[i + 1] + w10 * b[i] + w11 * b[i + 1]);
+        const float error =
+            grey_[row][i] - (w00 * a[i] + w01 * a[i + 1] + w10 * b[i] + w11 * b[i + 1]);
         sums[0][i] += error * gradient_x_[row][i];
         sums[1][i] += error * gradient_y_[row][i];
         sums[2][i] += error * inside;
       }
     }
-    return (inverse_ * Eigen::Vector3f(Sum(sums[0]), Sum(sums[1]), Sum(sums[2]))).head<2>().cast<double>();
+    return (inverse_ * Eigen::Vector3f(Sum(sums[0]), Sum(sums[1]), Sum(sums[2])))
+        .head<2>()
+        .cast<double>();
   }
 
  private:
@@ -135,13 +141,14 @@ std::optional<Eigen::Vector2d> RefineMatch(const cv::Mat& left, int x, int y, co
   const PatchTemplate patch(left, x, y);
   Eigen::Vector2d place = start;
   for (int iteration = 0; iteration < 6; ++iteration) {
-    if (place.x() < kRadius + 1 || place.x() > right.cols - kLanes + kRadius - 2 || place.y() < kRadius + 1 ||
-        place.y() > right.rows - kRadius - 3) {
+    if (place.x() < kRadius + 1 || place.x() > right.cols - kLanes + kRadius - 2 ||
+        place.y() < kRadius + 1 || place.y() > right.rows - kRadius - 3) {
       return std::nullopt;
     }
     const Eigen::Vector2d step = patch.StepTowards(right, place.x(), place.y());
     place += step;
-    if (!((place - start).cwiseAbs().maxCoeff() < std::max(1.5, max_row_offset_px))) return std::nullopt;
+    if (!((place - start).cwiseAbs().maxCoeff() < std::max(1.5, max_row_offset_px)))
+      return std::nullopt;
     if (step.squaredNorm() < 1e-4) break;
   }
   if (std::abs(place.y() - y) > max_row_offset_px) return std::nullopt;
@@ -162,13 +169,15 @@ float FindDisparity(const Feature& feature, const ImagePyramid& left, const Imag
                                y >= kRadius + 1 && y < left_image.rows - kRadius - 1;
   if (!patch_is_inside || x_last < x_first) return Feature::kNoDisparity;
 
-  const std::optional<int> best = SearchRow(LoadPatch(left_image, x, y), right_image, y, x_first, x_last,
-                                            options, scratch);
+  const std::optional<int> best =
+      SearchRow(LoadPatch(left_image, x, y), right_image, y, x_first, x_last, options, scratch);
   if (!best) return Feature::kNoDisparity;
-  const auto place = RefineMatch(left_image, x, y, right_image, {*best, y}, options.max_row_offset_px);
+  const auto place =
+      RefineMatch(left_image, x, y, right_image, {*best, y}, options.max_row_offset_px);
   if (!place) return Feature::kNoDisparity;
   const double disparity = (x - place->x()) * scale;
-  return disparity >= options.min_disparity_px ? static_cast<float>(disparity) : Feature::kNoDisparity;
+  return disparity >= options.min_disparity_px ? static_cast<float>(disparity)
+                                               : Feature::kNoDisparity;
 }
 
 }  // namespace

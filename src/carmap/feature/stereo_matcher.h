@@ -10,16 +10,17 @@
 namespace carmap {
 
 struct StereoOptions {
-  double min_depth_m = 1.8;       ///< nearer points are not looked for
-  double min_disparity_px = 0.4;  ///< smaller ones say too little of the depth
-  int max_mean_difference = 25;   ///< of the patches' grey values at the best match
-  double uniqueness = 1.2;        ///< the second best place must be worse by this factor
-  double max_row_offset_px = 1.2; ///< at the feature's level, after refinement
+  double min_depth_m = 1.8;        ///< nearer points are not looked for
+  double min_disparity_px = 0.4;   ///< smaller ones say too little of the depth
+  int max_mean_difference = 25;    ///< of the patches' grey values at the best match
+  double uniqueness = 1.2;         ///< the second best place must be worse by this factor
+  double max_row_offset_px = 1.2;  ///< at the feature's level, after refinement
 };
 
-/// Sets the disparity of each feature that has one clear match. A patch around it is looked for along
-/// its row of the right image, at its own level and in whole pixels, then refined to sub-pixel by
-/// Gauss-Newton on both axes (Lucas and Kanade 1981), so that rows a little apart do not bend depths.
+/// Sets the disparity of each feature that has one clear match. A patch around it is looked for
+/// along its row of the right image, at its own level and in whole pixels, then refined to
+/// sub-pixel by Gauss-Newton on both axes (Lucas and Kanade 1981), so that rows a little apart do
+/// not bend depths.
 void MatchStereo(const ImagePyramid& left, const ImagePyramid& right, const StereoRig& rig,
                  const StereoOptions& options, std::vector<Feature>& features);
 

@@ -15,7 +15,8 @@ struct PinholeCamera {
 
   /// Needs p.z() > 0.
   Eigen::Vector2d Project(const Eigen::Vector3d& p_in_camera) const {
-    return {fx * p_in_camera.x() / p_in_camera.z() + cx, fy * p_in_camera.y() / p_in_camera.z() + cy};
+    return {fx * p_in_camera.x() / p_in_camera.z() + cx,
+            fy * p_in_camera.y() / p_in_camera.z() + cy};
   }
   Eigen::Vector3d Unproject(const Eigen::Vector2d& px, double depth_m) const {
     return {(px.x() - cx) / fx * depth_m, (px.y() - cy) / fy * depth_m, depth_m};

@@ -47,8 +47,7 @@ inline double RotationAngle(const Eigen::Quaterniond& q) {
 /// `delta.head<3>()` (metres, in b). The tangent of every pose optimisation in carmap.
 inline Rigid3 Perturb(const Rigid3& b_from_a, const Eigen::Matrix<double, 6, 1>& delta) {
   const Eigen::Quaterniond turn = RotationExp(delta.tail<3>());
-  return {(turn * b_from_a.rotation).normalized(),
-          turn * b_from_a.translation + delta.head<3>()};
+  return {(turn * b_from_a.rotation).normalized(), turn * b_from_a.translation + delta.head<3>()};
 }
 
 }  // namespace carmap

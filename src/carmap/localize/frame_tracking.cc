@@ -11,27 +11,30 @@ struct MatchedPose {
 };
 
 MatchedPose MatchAndRefine(const MapSnapshot& map, const std::vector<uint32_t>& landmark_idxs,
-                           const FeatureGrid& grid, const StereoRig& rig, const Rigid3& camera_from_map,
-                           double radius_px, const MeasurementNoise& noise) {
+                           const FeatureGrid& grid, const StereoRig& rig,
+                           const Rigid3& camera_from_map, double radius_px,
+                           const MeasurementNoise& noise) {
   MatchedPose result;
   result.matches =
       MatchByProjection(map, landmark_idxs, grid, rig, camera_from_map, {.radius_px = radius_px});
-  result.estimate =
-      RefinePose(rig, noise, MeasurementsOf(map, grid.features(), rig, result.matches), camera_from_map);
+  result.estimate = RefinePose(
+      rig, noise, MeasurementsOf(map, grid.features(), rig, result.matches), camera_from_map);
   return result;
 }
 
 }  // namespace
 
-std::optional<TrackedPose> TrackByProjection(const MapSnapshot& map, const std::vector<uint32_t>& landmark_idxs,
+std::optional<TrackedPose> TrackByProjection(const MapSnapshot& map,
+                                             const std::vector<uint32_t>& landmark_idxs,
                                              const FeatureGrid& grid, const StereoRig& rig,
                                              const Rigid3& predicted_camera_from_map,
                                              const TrackingOptions& options) {
   const MatchedPose first = MatchAndRefine(map, landmark_idxs, grid, rig, predicted_camera_from_map,
                                            options.first_radius_px, options.noise);
   if (first.estimate.inlier_count < options.min_inliers) return std::nullopt;
-  const MatchedPose final = MatchAndRefine(map, landmark_idxs, grid, rig, first.estimate.camera_from_map,
-                                           options.final_radius_px, options.noise);
+  const MatchedPose final =
+      MatchAndRefine(map, landmark_idxs, grid, rig, first.estimate.camera_from_map,
+                     options.final_radius_px, options.noise);
   if (final.estimate.inlier_count < options.min_inliers) return std::nullopt;
 
   TrackedPose tracked{final.estimate.camera_from_map, {}};
@@ -41,7 +44,8 @@ std::optional<TrackedPose> TrackByProjection(const MapSnapshot& map, const std::
   return tracked;
 }
 
-std::optional<TrackedPose> TrackByAppearance(const MapSnapshot& map, const std::vector<uint32_t>& landmark_idxs,
+std::optional<TrackedPose> TrackByAppearance(const MapSnapshot& map,
+                                             const std::vector<uint32_t>& landmark_idxs,
                                              const FeatureGrid& grid, const StereoRig& rig,
                                              const TrackingOptions& options, uint64_t seed) {
   const auto matches = MatchByAppearance(map, landmark_idxs, grid.features());

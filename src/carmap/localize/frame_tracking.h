@@ -29,15 +29,17 @@ struct TrackedPose {
   std::vector<LandmarkMatch> inliers;
 };
 
-/// Matches landmarks around their projections from `predicted`, refines the pose, and repeats both in a
-/// narrower window. Nothing if too few matches agree.
-std::optional<TrackedPose> TrackByProjection(const MapSnapshot& map, const std::vector<uint32_t>& landmark_idxs,
+/// Matches landmarks around their projections from `predicted`, refines the pose, and repeats both
+/// in a narrower window. Nothing if too few matches agree.
+std::optional<TrackedPose> TrackByProjection(const MapSnapshot& map,
+                                             const std::vector<uint32_t>& landmark_idxs,
                                              const FeatureGrid& grid, const StereoRig& rig,
                                              const Rigid3& predicted_camera_from_map,
                                              const TrackingOptions& options);
 
 /// Without a prediction: matches by appearance, PnP with RANSAC (§3.2), then TrackByProjection.
-std::optional<TrackedPose> TrackByAppearance(const MapSnapshot& map, const std::vector<uint32_t>& landmark_idxs,
+std::optional<TrackedPose> TrackByAppearance(const MapSnapshot& map,
+                                             const std::vector<uint32_t>& landmark_idxs,
                                              const FeatureGrid& grid, const StereoRig& rig,
                                              const TrackingOptions& options, uint64_t seed);
 

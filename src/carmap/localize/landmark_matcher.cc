@@ -20,8 +20,8 @@ struct Projection {
 
 /// Where and at which level the camera must see the landmark; nothing if it cannot.
 std::optional<Projection> Project(const SnapshotLandmark& landmark, const StereoRig& rig,
-                                  const Rigid3& camera_from_map, const Eigen::Vector3d& center_in_map,
-                                  double min_cosine) {
+                                  const Rigid3& camera_from_map,
+                                  const Eigen::Vector3d& center_in_map, double min_cosine) {
   const Eigen::Vector3d p_in_camera = camera_from_map * landmark.position_in_map;
   if (p_in_camera.z() < 0.1) return std::nullopt;
   const Eigen::Vector3d uvd = rig.Project(p_in_camera);
@@ -63,7 +63,8 @@ BestTwo SearchWindow(const SnapshotLandmark& landmark, const Projection& project
   grid.VisitNear(projection.uvd.x(), projection.uvd.y(), radius, [&](uint32_t feature_idx) {
     const Feature& feature = grid.features()[feature_idx];
     if (std::abs(feature.level - level) > options.max_level_difference) return;
-    if (feature.has_disparity() && std::abs(feature.disparity_px - projection.uvd.z()) > radius) return;
+    if (feature.has_disparity() && std::abs(feature.disparity_px - projection.uvd.z()) > radius)
+      return;
     found.Offer(feature_idx, HammingDistance(landmark.descriptor, feature.descriptor));
   });
   return found;
@@ -134,18 +135,21 @@ std::vector<LandmarkMatch> MatchByAppearance(const MapSnapshot& map,
   return assignment.Matches();
 }
 
-std::vector<PoseMeasurement> MeasurementsOf(const MapSnapshot& map, const std::vector<Feature>& features,
-                                            const StereoRig& rig, const std::vector<LandmarkMatch>& matches) {
+std::vector<PoseMeasurement> MeasurementsOf(const MapSnapshot& map,
+                                            const std::vector<Feature>& features,
+                                            const StereoRig& rig,
+                                            const std::vector<LandmarkMatch>& matches) {
   std::vector<PoseMeasurement> measurements;
   measurements.reserve(matches.size());
   for (const auto& [landmark_idx, feature_idx] : matches) {
     const Feature& feature = features[feature_idx];
-    measurements.push_back({.position_in_map = map.landmarks[landmark_idx].position_in_map,
-                            .px = {feature.x_px, feature.y_px},
-                            .disparity_px = feature.has_disparity()
-                                                ? rig.WithoutBias(feature.x_px, feature.disparity_px)
-                                                : Feature::kNoDisparity,
-                            .scale = ScaleOfLevel(feature.level)});
+    measurements.push_back(
+        {.position_in_map = map.landmarks[landmark_idx].position_in_map,
+         .px = {feature.x_px, feature.y_px},
+         .disparity_px = feature.has_disparity()
+                             ? rig.WithoutBias(feature.x_px, feature.disparity_px)
+                             : Feature::kNoDisparity,
+         .scale = ScaleOfLevel(feature.level)});
   }
   return measurements;
 }

@@ -1,7 +1,7 @@
 // Matching of a frame's features with landmarks of a map (paper §3.2).
 //
-// Robust matching goes by position first, appearance second: what lies where a landmark must appear is
-// compared with its signature. Appearance-only matching is for a frame whose pose is unknown.
+// Robust matching goes by position first, appearance second: what lies where a landmark must appear
+// is compared with its signature. Appearance-only matching is for a frame whose pose is unknown.
 // All functions are pure and thread-safe.
 #pragma once
 
@@ -22,16 +22,18 @@ struct LandmarkMatch {
 };
 
 struct ProjectionMatchOptions {
-  double radius_px = 4;          ///< half side of the search window at level 0; grows with the level's scale
-  int max_distance_bits = 75;    ///< of the signatures
-  double max_ratio = 0.85;       ///< to the second best in the window
+  double radius_px =
+      4;  ///< half side of the search window at level 0; grows with the level's scale
+  int max_distance_bits = 75;  ///< of the signatures
+  double max_ratio = 0.85;     ///< to the second best in the window
   double max_level_difference = 1.6;
-  double max_viewing_angle_rad = 1.2;  ///< between the landmark's mean viewing direction and this one
+  double max_viewing_angle_rad =
+      1.2;  ///< between the landmark's mean viewing direction and this one
 };
 
-/// Landmarks (those of `landmark_idxs`) matched with features near their projections, at the pyramid
-/// level that their distance predicts, with a disparity that agrees. A feature goes to the landmark
-/// that resembles it most.
+/// Landmarks (those of `landmark_idxs`) matched with features near their projections, at the
+/// pyramid level that their distance predicts, with a disparity that agrees. A feature goes to the
+/// landmark that resembles it most.
 std::vector<LandmarkMatch> MatchByProjection(const MapSnapshot& map,
                                              const std::vector<uint32_t>& landmark_idxs,
                                              const FeatureGrid& grid, const StereoRig& rig,
@@ -50,7 +52,9 @@ std::vector<LandmarkMatch> MatchByAppearance(const MapSnapshot& map,
                                              const AppearanceMatchOptions& options = {});
 
 /// What RefinePose and SolvePnpRansac take, in the order of the matches.
-std::vector<PoseMeasurement> MeasurementsOf(const MapSnapshot& map, const std::vector<Feature>& features,
-                                            const StereoRig& rig, const std::vector<LandmarkMatch>& matches);
+std::vector<PoseMeasurement> MeasurementsOf(const MapSnapshot& map,
+                                            const std::vector<Feature>& features,
+                                            const StereoRig& rig,
+                                            const std::vector<LandmarkMatch>& matches);
 
 }  // namespace carmap

@@ -45,9 +45,9 @@ struct LeanLandmark {
 };
 
 struct LeanMap {
-  std::vector<LeanDrive> drives;          ///< ascending by id
-  std::vector<LeanKeyframe> keyframes;    ///< ascending by id
-  std::vector<LeanLandmark> landmarks;    ///< ascending by id
+  std::vector<LeanDrive> drives;        ///< ascending by id
+  std::vector<LeanKeyframe> keyframes;  ///< ascending by id
+  std::vector<LeanLandmark> landmarks;  ///< ascending by id
 };
 
 /// Checks every invariant written above, that numbers are finite and that ids refer to drives

@@ -36,7 +36,8 @@ absl::Status CheckLandmark(const Map& map, const Landmark& landmark) {
     if (feature_idx < 0 || static_cast<size_t>(feature_idx) >= links.size()) {
       return broken("is observed by a feature that is not there");
     }
-    if (links[feature_idx] != landmark.id) return broken("is not known to a feature that observes it");
+    if (links[feature_idx] != landmark.id)
+      return broken("is not known to a feature that observes it");
   }
   return absl::OkStatus();
 }
@@ -52,11 +53,13 @@ absl::Status CheckConsistency(const Map& map) {
   for (const auto& [id, keyframe] : map.keyframes()) {
     const auto& links = map.LandmarksOf(id);
     if (!keyframe.features || links.size() != keyframe.features->size()) {
-      return absl::InternalError(fmt::format("keyframe {}: links and features differ in number", id.index));
+      return absl::InternalError(
+          fmt::format("keyframe {}: links and features differ in number", id.index));
     }
     for (const auto& link : links) observation_count -= link.has_value();
   }
-  if (observation_count != 0) return absl::InternalError("features know landmarks that do not know them");
+  if (observation_count != 0)
+    return absl::InternalError("features know landmarks that do not know them");
   return absl::OkStatus();
 }
 

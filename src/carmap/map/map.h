@@ -1,8 +1,8 @@
 // The working map of a drive: keyframes with all their features, and landmarks.
 //
 // Changed only through Apply (map_edit.h), by one thread. What other threads read is a MapSnapshot.
-// Invariants, checked by CheckConsistency: both sides of every link agree; a landmark has at least one
-// observation, at most one a keyframe; a feature belongs to at most one landmark.
+// Invariants, checked by CheckConsistency: both sides of every link agree; a landmark has at least
+// one observation, at most one a keyframe; a feature belongs to at most one landmark.
 #pragma once
 
 #include <absl/container/btree_map.h>

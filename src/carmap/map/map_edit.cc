@@ -106,15 +106,17 @@ class EditApplication {
   using Observations = std::vector<Observation>;
 
   static Observations::iterator FirstNotBefore(Observations& observations, KeyframeId id) {
-    return std::lower_bound(observations.begin(), observations.end(), id,
-                            [](const Observation& o, KeyframeId value) { return o.keyframe_id < value; });
+    return std::lower_bound(
+        observations.begin(), observations.end(), id,
+        [](const Observation& o, KeyframeId value) { return o.keyframe_id < value; });
   }
   static bool Holds(const Observations& observations, Observations::iterator place, KeyframeId id) {
     return place != observations.end() && place->keyframe_id == id;
   }
   void RemoveIfUnseen(LandmarkId id) {
     const auto found = map_.landmarks_.find(id);
-    if (found != map_.landmarks_.end() && found->second.observations.empty()) map_.landmarks_.erase(found);
+    if (found != map_.landmarks_.end() && found->second.observations.empty())
+      map_.landmarks_.erase(found);
   }
 
   Map& map_;
@@ -134,8 +136,8 @@ size_t CountLeftOut(EditApplication& application, bool (EditApplication::*step)(
 
 absl::StatusOr<size_t> Apply(const MapEdit& edit, Map& map) {
   if (edit.base_version > map.version()) {
-    return absl::InvalidArgumentError(fmt::format("edit of version {} of a map that is at version {}",
-                                                  edit.base_version, map.version()));
+    return absl::InvalidArgumentError(fmt::format(
+        "edit of version {} of a map that is at version {}", edit.base_version, map.version()));
   }
   using Application = EditApplication;
   Application application(map);

@@ -45,12 +45,13 @@ struct MapEdit {
   std::vector<LandmarkId> removed_landmarks;
 };
 
-/// Applies the edit and returns how many of its records were left out. A landmark that loses its last
-/// observation goes too.
+/// Applies the edit and returns how many of its records were left out. A landmark that loses its
+/// last observation goes too.
 ///
-/// An edit made against the present version leaves nothing out unless it contradicts itself. One made
-/// against an older version is rebased: what concerns records gone, or links taken, since then is
-/// left out. Errors: InvalidArgument, and an unchanged map, for an edit of a version yet to come.
+/// An edit made against the present version leaves nothing out unless it contradicts itself. One
+/// made against an older version is rebased: what concerns records gone, or links taken, since then
+/// is left out. Errors: InvalidArgument, and an unchanged map, for an edit of a version yet to
+/// come.
 absl::StatusOr<size_t> Apply(const MapEdit& edit, Map& map);
 
 }  // namespace carmap

@@ -29,8 +29,10 @@ void DeriveVisibility(const std::vector<Eigen::Vector3d>& viewers_in_map, int fi
   landmark.direction_to_viewers = direction.normalized().cast<float>();
   landmark.min_distance_m = static_cast<float>(min_distance);
   landmark.max_distance_m = static_cast<float>(max_distance);
-  const double first_distance = std::max((viewers_in_map.front() - landmark.position_in_map).norm(), 1e-3);
-  landmark.level_at_1m = static_cast<float>(first_level + std::log(first_distance) * kInverseLogScale);
+  const double first_distance =
+      std::max((viewers_in_map.front() - landmark.position_in_map).norm(), 1e-3);
+  landmark.level_at_1m =
+      static_cast<float>(first_level + std::log(first_distance) * kInverseLogScale);
 }
 
 MapSnapshot SnapshotOf(const Map& map, const std::vector<KeyframeId>& keyframe_ids) {
@@ -53,15 +55,16 @@ MapSnapshot SnapshotOf(const Map& map, const std::vector<KeyframeId>& keyframe_i
       viewers_in_map.push_back(map.Find(observation.keyframe_id)->map_from_camera.translation);
     }
     const Observation& first = landmark.observations.front();
-    snapshot.landmarks.push_back({.id = id, .position_in_map = landmark.position_in_map,
-                                  .descriptor = landmark.descriptor});
-    DeriveVisibility(viewers_in_map, (*map.Find(first.keyframe_id)->features)[first.feature_idx].level,
+    snapshot.landmarks.push_back(
+        {.id = id, .position_in_map = landmark.position_in_map, .descriptor = landmark.descriptor});
+    DeriveVisibility(viewers_in_map,
+                     (*map.Find(first.keyframe_id)->features)[first.feature_idx].level,
                      snapshot.landmarks.back());
   }
   for (const KeyframeId& id : keyframe_ids) {
     const Keyframe& keyframe = *map.Find(id);
-    SnapshotKeyframe& copy = snapshot.keyframes.emplace_back(SnapshotKeyframe{
-        id, keyframe.timestamp, keyframe.map_from_camera, keyframe.gps, {}});
+    SnapshotKeyframe& copy = snapshot.keyframes.emplace_back(
+        SnapshotKeyframe{id, keyframe.timestamp, keyframe.map_from_camera, keyframe.gps, {}});
     for (const auto& link : map.LandmarksOf(id)) {
       if (!link) continue;
       const auto place = std::lower_bound(landmark_ids.begin(), landmark_ids.end(), *link);

@@ -1,7 +1,8 @@
 // An immutable map, or part of one, as matching and localization read it.
 //
-// The tracker's local window, a whole working map, and a lean map after reconstruction (§3.5) all take
-// this one form. Freely shared between threads once built. Links are dense indices into the two vectors.
+// The tracker's local window, a whole working map, and a lean map after reconstruction (§3.5) all
+// take this one form. Freely shared between threads once built. Links are dense indices into the
+// two vectors.
 #pragma once
 
 #include <Eigen/Core>
@@ -41,8 +42,8 @@ struct SnapshotLandmark {
 
 struct MapSnapshot {
   uint64_t version = 0;
-  std::vector<SnapshotKeyframe> keyframes;   ///< ascending by id
-  std::vector<SnapshotLandmark> landmarks;   ///< ascending by id
+  std::vector<SnapshotKeyframe> keyframes;  ///< ascending by id
+  std::vector<SnapshotLandmark> landmarks;  ///< ascending by id
 };
 
 /// Pyramid level, not rounded and possibly out of range, at which a camera of the same focal length
@@ -50,8 +51,9 @@ struct MapSnapshot {
 /// is small from far away.
 float PredictLevel(const SnapshotLandmark& landmark, double distance_m);
 
-/// Fills the fields of `landmark` that follow from where it was seen: `viewers_in_map` are the centres of
-/// the keyframes (at least one), `first_level` the pyramid level of its feature in the first of them.
+/// Fills the fields of `landmark` that follow from where it was seen: `viewers_in_map` are the
+/// centres of the keyframes (at least one), `first_level` the pyramid level of its feature in the
+/// first of them.
 void DeriveVisibility(const std::vector<Eigen::Vector3d>& viewers_in_map, int first_level,
                       SnapshotLandmark& landmark);
 

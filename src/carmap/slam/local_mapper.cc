@@ -28,7 +28,8 @@ void LinkMatches(const Map& map, const MapSnapshot& snapshot, KeyframeId keyfram
     const LandmarkId landmark_id = snapshot.landmarks[landmark_idx].id;
     const auto& taken_by = links[feature_idx];
     if (!taken_by) {
-      edit.added_observations.push_back({landmark_id, {keyframe_id, static_cast<int32_t>(feature_idx)}});
+      edit.added_observations.push_back(
+          {landmark_id, {keyframe_id, static_cast<int32_t>(feature_idx)}});
     } else if (*taken_by != landmark_id) {
       // The older landmark, seen more often, stays.
       edit.merges.push_back({std::max(*taken_by, landmark_id), std::min(*taken_by, landmark_id)});
@@ -49,7 +50,8 @@ std::vector<uint32_t> SelectLandmarks(const MapSnapshot& snapshot, Predicate&& p
 Descriptor MedoidDescriptor(const Map& map, const Landmark& landmark) {
   std::vector<Descriptor> seen;
   for (const Observation& observation : landmark.observations) {
-    seen.push_back((*map.Find(observation.keyframe_id)->features)[observation.feature_idx].descriptor);
+    seen.push_back(
+        (*map.Find(observation.keyframe_id)->features)[observation.feature_idx].descriptor);
   }
   const auto total_distance = [&](const Descriptor& descriptor) {
     return std::accumulate(seen.begin(), seen.end(), 0, [&](int sum, const Descriptor& other) {
@@ -93,7 +95,8 @@ std::vector<KeyframeId> LocalMapper::WindowAround(KeyframeId id) const {
   absl::btree_map<KeyframeId, int> shared;
   for (const auto& link : map_.LandmarksOf(id)) {
     if (!link) continue;
-    for (const Observation& observation : map_.Find(*link)->observations) ++shared[observation.keyframe_id];
+    for (const Observation& observation : map_.Find(*link)->observations)
+      ++shared[observation.keyframe_id];
   }
   shared.erase(id);
   std::vector<std::pair<int, KeyframeId>> ranked;
@@ -119,7 +122,8 @@ MapEdit LocalMapper::InsertKeyframe(const NewKeyframe& new_keyframe) const {
 }
 
 /// Landmarks of the neighbourhood that tracking missed in the new keyframe.
-MapEdit LocalMapper::FindKnownLandmarks(KeyframeId newest, const std::vector<KeyframeId>& window) const {
+MapEdit LocalMapper::FindKnownLandmarks(KeyframeId newest,
+                                        const std::vector<KeyframeId>& window) const {
   MapEdit edit{.base_version = map_.version()};
   const Keyframe& keyframe = *map_.Find(newest);
   const MapSnapshot snapshot = SnapshotOf(map_, Without(window, newest));
@@ -147,11 +151,10 @@ MapEdit LocalMapper::CreateLandmarks(KeyframeId newest) {
       continue;
     }
     const LandmarkId id{drive_id_, next_landmark_index_++};
-    edit.added_landmarks.push_back(
-        {.id = id,
-         .position_in_map = Triangulate(keyframe, feature),
-         .descriptor = feature.descriptor,
-         .observations = {{newest, static_cast<int32_t>(i)}}});
+    edit.added_landmarks.push_back({.id = id,
+                                    .position_in_map = Triangulate(keyframe, feature),
+                                    .descriptor = feature.descriptor,
+                                    .observations = {{newest, static_cast<int32_t>(i)}}});
     created.push_back(id);
   }
   on_trial_.emplace_back(newest, std::move(created));
@@ -159,7 +162,8 @@ MapEdit LocalMapper::CreateLandmarks(KeyframeId newest) {
 }
 
 /// The new landmarks in the keyframes before: they too saw most of them.
-MapEdit LocalMapper::FindInNeighbours(KeyframeId newest, const std::vector<KeyframeId>& window) const {
+MapEdit LocalMapper::FindInNeighbours(KeyframeId newest,
+                                      const std::vector<KeyframeId>& window) const {
   MapEdit edit{.base_version = map_.version()};
   const MapSnapshot snapshot = SnapshotOf(map_, {newest});
   const auto fresh = SelectLandmarks(
@@ -175,20 +179,24 @@ MapEdit LocalMapper::FindInNeighbours(KeyframeId newest, const std::vector<Keyfr
   return edit;
 }
 
-/// The signature of a landmark becomes that of its observations which differs least from the others.
+/// The signature of a landmark becomes that of its observations which differs least from the
+/// others.
 MapEdit LocalMapper::RefreshDescriptors(KeyframeId newest) const {
   MapEdit edit{.base_version = map_.version()};
   for (const auto& link : map_.LandmarksOf(newest)) {
-    if (link) edit.changed_descriptors.push_back({*link, MedoidDescriptor(map_, *map_.Find(*link))});
+    if (link)
+      edit.changed_descriptors.push_back({*link, MedoidDescriptor(map_, *map_.Find(*link))});
   }
   return edit;
 }
 
-/// Landmarks that did not prove themselves within their trial (§2: transient features are filtered).
+/// Landmarks that did not prove themselves within their trial (§2: transient features are
+/// filtered).
 MapEdit LocalMapper::CullLandmarks() const {
   MapEdit edit{.base_version = map_.version()};
   if (on_trial_.size() <= options_.trial_keyframes) return edit;
-  const auto& [keyframe_id, landmark_ids] = on_trial_[on_trial_.size() - 1 - options_.trial_keyframes];
+  const auto& [keyframe_id, landmark_ids] =
+      on_trial_[on_trial_.size() - 1 - options_.trial_keyframes];
   for (const LandmarkId& id : landmark_ids) {
     const Landmark* landmark = map_.Find(id);
     if (landmark && landmark->observations.size() < options_.min_trial_observations) {
@@ -200,7 +208,8 @@ MapEdit LocalMapper::CullLandmarks() const {
 
 Eigen::Vector3d LocalMapper::Triangulate(const Keyframe& keyframe, const Feature& feature) const {
   return keyframe.map_from_camera *
-         rig_.Triangulate({feature.x_px, feature.y_px}, rig_.WithoutBias(feature.x_px, feature.disparity_px));
+         rig_.Triangulate({feature.x_px, feature.y_px},
+                          rig_.WithoutBias(feature.x_px, feature.disparity_px));
 }
 
 MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) {
@@ -245,7 +254,8 @@ MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) {
       links.push_back({landmark.id, observation});
     }
   }
-  if (std::none_of(bundle.pose_is_fixed.begin(), bundle.pose_is_fixed.end(), [](bool f) { return f; })) {
+  if (std::none_of(bundle.pose_is_fixed.begin(), bundle.pose_is_fixed.end(),
+                   [](bool f) { return f; })) {
     bundle.pose_is_fixed.front() = true;
   }
 
@@ -269,7 +279,8 @@ MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) {
     edit.moved_keyframes.push_back({keyframe.id, keyframe.map_from_camera});
     for (const auto& link : map_.LandmarksOf(keyframe_ids[i])) {
       if (!link || map_.Find(*link)->observations.size() > 1) continue;
-      const Feature& feature = (*keyframe.features)[map_.Find(*link)->observations.front().feature_idx];
+      const Feature& feature =
+          (*keyframe.features)[map_.Find(*link)->observations.front().feature_idx];
       if (feature.disparity_px < options_.min_new_disparity_px) continue;
       edit.moved_landmarks.push_back({*link, Triangulate(keyframe, feature)});
     }

@@ -26,9 +26,10 @@ struct LocalMapperOptions {
   double min_new_disparity_px = 1.5;  ///< of a feature that becomes a landmark
   size_t trial_keyframes = 3;         ///< a landmark this many keyframes old ...
   size_t min_trial_observations = 3;  ///< ... must have been seen by this many, or goes
-  size_t min_calibrating_keyframes = 5;  ///< in the window, for the rig's disparity bias to be estimated
-  double bias_step_sigma_rad = 1e-4;     ///< see BundleOptions; as angles, to suit any image size
-  double max_bias_rad = 0.7e-3;         ///< half a pixel at a focal length of 700
+  size_t min_calibrating_keyframes =
+      5;  ///< in the window, for the rig's disparity bias to be estimated
+  double bias_step_sigma_rad = 1e-4;  ///< see BundleOptions; as angles, to suit any image size
+  double max_bias_rad = 0.7e-3;       ///< half a pixel at a focal length of 700
   BundleOptions bundle;
 };
 
@@ -38,7 +39,8 @@ struct NewKeyframe {
   std::vector<std::pair<LandmarkId, uint32_t>> landmark_of_feature;
 };
 
-/// What the mapper offers the tracker: the map around the newest keyframe, and the rig as calibrated so far.
+/// What the mapper offers the tracker: the map around the newest keyframe, and the rig as
+/// calibrated so far.
 struct LocalMap {
   MapSnapshot snapshot;
   StereoRig rig;

@@ -130,8 +130,8 @@ Trajectory FinalTrajectory(const Map& map, const std::vector<TrackedFrame>& fram
     TimedPose& pose = trajectory.emplace_back();
     pose.timestamp = timestamps[i];
     if (!frames[i].reference) continue;
-    pose.world_from_camera = map.Find(*frames[i].reference)->map_from_camera *
-                             frames[i].camera_from_reference.Inverse();
+    pose.world_from_camera =
+        map.Find(*frames[i].reference)->map_from_camera * frames[i].camera_from_reference.Inverse();
   }
   return trajectory;
 }
@@ -146,8 +146,8 @@ void CountTimes(const ExtractedFrame& frame, double track_ms, MappedDrive& resul
 
 }  // namespace
 
-absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id, const MapDriveOptions& options,
-                                     const MapProgress& progress) {
+absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id,
+                                     const MapDriveOptions& options, const MapProgress& progress) {
   MappedDrive result;
   FrontEndStage front_end(source, options.front_end, options.sequential);
   Tracker tracker(options.tracker);
@@ -180,9 +180,9 @@ absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id, cons
 
   const LocalMapper& mapper = mapping.Finish();
   if (mapper.map().keyframes().empty()) {
-    return absl::FailedPreconditionError(fmt::format(
-        "no frame of {} could be tracked; the first: {}", frames.size(),
-        frames.empty() ? "there is none" : frames.front().lost_because));
+    return absl::FailedPreconditionError(
+        fmt::format("no frame of {} could be tracked; the first: {}", frames.size(),
+                    frames.empty() ? "there is none" : frames.front().lost_because));
   }
   result.map = mapper.map();
   result.rig = mapper.rig();

@@ -1,9 +1,10 @@
 // From a drive to a map: reader, front end, tracker and local mapper wired together (paper §2).
 //
-// By default each stage has a thread of its own: reading and feature extraction work ahead while the
-// mapper takes a keyframe in. The tracker waits for the mapper, so that it always sees the map that a
-// vehicle at 10 frames a second would see, and threads never change the result: the same drive gives
-// the same map to the last bit, also sequentially, where all stages run on the caller's thread.
+// By default each stage has a thread of its own: reading and feature extraction work ahead while
+// the mapper takes a keyframe in. The tracker waits for the mapper, so that it always sees the map
+// that a vehicle at 10 frames a second would see, and threads never change the result: the same
+// drive gives the same map to the last bit, also sequentially, where all stages run on the caller's
+// thread.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -48,7 +49,8 @@ using MapProgress = std::function<void(size_t frames, size_t keyframes)>;
 
 /// Maps what can be tracked; frames that cannot are listed with the reason.
 /// Errors: FailedPrecondition when no frame could be tracked.
-absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id, const MapDriveOptions& options,
+absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id,
+                                     const MapDriveOptions& options,
                                      const MapProgress& progress = {});
 
 }  // namespace carmap

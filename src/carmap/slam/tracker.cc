@@ -42,7 +42,8 @@ std::optional<TrackedPose> Tracker::FindPose(const FeatureGrid& grid, const Loca
   if (!last_ || last_->interval_s <= 0) {
     // Nothing tells the speed: as seen from where the vehicle was, only distant landmarks are where
     // they should be, and they agree on a wrong pose.
-    if (auto pose = TrackByAppearance(map, landmark_idxs, grid, rig, tracking, /*seed=*/1)) return pose;
+    if (auto pose = TrackByAppearance(map, landmark_idxs, grid, rig, tracking, /*seed=*/1))
+      return pose;
   }
   auto pose = TrackByProjection(map, landmark_idxs, grid, rig, predicted_camera_from_map, tracking);
   if (pose) return pose;
@@ -66,8 +67,9 @@ TrackedFrame Tracker::Track(Timestamp timestamp, const std::vector<Feature>& fea
                             const LocalMap* local) {
   TrackedFrame frame;
   if (!local) {
-    const auto with_depth = std::count_if(features.begin(), features.end(),
-                                          [](const Feature& feature) { return feature.has_disparity(); });
+    const auto with_depth =
+        std::count_if(features.begin(), features.end(),
+                      [](const Feature& feature) { return feature.has_disparity(); });
     frame.wants_keyframe = with_depth >= options_.min_first_features;
     if (!frame.wants_keyframe) {
       frame.lost_because = fmt::format("only {} features with depth, {} are needed to begin a map",
@@ -102,7 +104,8 @@ TrackedFrame Tracker::Track(Timestamp timestamp, const std::vector<Feature>& fea
   LastPose last{timestamp, newest.id, frame.camera_from_reference, {}, 0};
   const SnapshotKeyframe* reference = last_ ? Find(map, last_->reference) : nullptr;
   if (reference) {
-    const Rigid3 previous_from_map = last_->camera_from_reference * reference->map_from_camera.Inverse();
+    const Rigid3 previous_from_map =
+        last_->camera_from_reference * reference->map_from_camera.Inverse();
     last.this_from_previous = pose->camera_from_map * previous_from_map.Inverse();
     last.interval_s = timestamp.seconds() - last_->timestamp.seconds();
   }

@@ -21,11 +21,11 @@ namespace carmap {
 
 struct TrackerOptions {
   TrackingOptions tracking;
-  int min_first_features = 100;        ///< with depth, to begin a map
+  int min_first_features = 100;          ///< with depth, to begin a map
   double max_keyframe_distance_m = 1.8;  ///< a keyframe at least this often while moving
   double max_keyframe_turn_rad = 0.12;
-  double min_tracked_ratio = 0.7;      ///< of the landmarks tracked after the last keyframe
-  int min_tracked = 120;               ///< fewer call for a keyframe at once
+  double min_tracked_ratio = 0.7;  ///< of the landmarks tracked after the last keyframe
+  int min_tracked = 120;           ///< fewer call for a keyframe at once
 };
 
 /// What tracking made of one frame.
@@ -46,7 +46,8 @@ class Tracker {
 
   /// `local` is the mapper's latest: the newest keyframe is its last; null before the first.
   /// A frame without a map wants to become the first keyframe if it has features enough.
-  TrackedFrame Track(Timestamp timestamp, const std::vector<Feature>& features, const LocalMap* local);
+  TrackedFrame Track(Timestamp timestamp, const std::vector<Feature>& features,
+                     const LocalMap* local);
 
  private:
   std::optional<TrackedPose> FindPose(const FeatureGrid& grid, const LocalMap& local,

@@ -76,11 +76,8 @@ std::optional<Rigid3> AlignTrajectories(const std::vector<Rigid3>& a_from_camera
                     a_from_camera[i].rotation.toRotationMatrix().transpose();
   }
   orientations /= static_cast<double>(a.size());
-  constexpr double kLeverOfSpread = 0.01;
-  const double squared_spread = CrossCovariance(a, a).trace();
-  if (squared_spread <= kSquaredStandstillM2) return Align(orientations, a, b);
-  const double squared_lever = kLeverOfSpread * kLeverOfSpread * squared_spread;
-  return Align(CrossCovariance(a, b) + squared_lever * orientations, a, b);
+  constexpr double kSquaredAxisLengthM2 = 25;
+  return Align(CrossCovariance(a, b) + kSquaredAxisLengthM2 * orientations, a, b);
 }
 
 }  // namespace carmap

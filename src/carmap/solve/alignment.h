@@ -15,11 +15,10 @@ namespace carmap {
 std::optional<Rigid3> AlignRigidly(const std::vector<Eigen::Vector3d>& a,
                                    const std::vector<Eigen::Vector3d>& b);
 
-/// The same for whole poses (world_from_camera of both), which need not be on a curve: each pose
-/// counts with its position and with the tips of its three axes, drawn with a length of 1 % of the
-/// path's spread (the root mean square distance from its mean). So a path as wide as a hundredth of
-/// its length is aligned by its positions; on a straight road the orientations decide the turn
-/// about it.
+/// The same for whole poses: each counts by its position and by the tips of its axes, 5 m away.
+/// Mapping knows positions to centimetres and orientations to some milliradians, so a tip is about
+/// as good a point as the position; positions alone would leave the turn about a straight road to
+/// their noise.
 std::optional<Rigid3> AlignTrajectories(const std::vector<Rigid3>& a_from_camera,
                                         const std::vector<Rigid3>& b_from_camera);
 

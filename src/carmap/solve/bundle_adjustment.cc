@@ -80,7 +80,8 @@ class BundleAdjuster {
  public:
   explicit BundleAdjuster(Bundle& bundle)
       : bundle_(bundle),
-        state_{bundle.camera_from_map, bundle.points_in_map, bundle.rig.disparity_bias.coefficients_px} {
+        state_{bundle.camera_from_map, bundle.points_in_map,
+               bundle.rig.disparity_bias.coefficients_px} {
     free_idx_.reserve(bundle.camera_from_map.size());
     for (const bool is_fixed : bundle.pose_is_fixed) {
       free_idx_.push_back(is_fixed ? kFixed : free_count_++);
@@ -169,7 +170,8 @@ class BundleAdjuster {
     projections_.reserve(order.size());
     for (const uint32_t i : order) {
       const uint32_t pose_idx = observations[i].pose_idx;
-      projections_.push_back({pose_idx, free_idx_[pose_idx], whitened_[i], BiasBasis(observations[i])});
+      projections_.push_back(
+          {pose_idx, free_idx_[pose_idx], whitened_[i], BiasBasis(observations[i])});
     }
   }
 
@@ -189,9 +191,9 @@ class BundleAdjuster {
     for (size_t j = 0; j < state.points_in_map.size(); ++j) {
       for (uint32_t k = point_begin_[j]; k < point_begin_[j + 1]; ++k) {
         const Projection& projection = projections_[k];
-        const bool visible =
-            WhitenedError(bundle_.rig, WithoutBias(projection.measurement, projection.bias_basis, state),
-                          InCamera(state, projection.pose_idx, j), error);
+        const bool visible = WhitenedError(
+            bundle_.rig, WithoutBias(projection.measurement, projection.bias_basis, state),
+            InCamera(state, projection.pose_idx, j), error);
         cost += HuberCost(visible ? error.squaredNorm() : kInvisibleChiSquare,
                           projection.measurement.chi_square_bound);
       }
@@ -206,7 +208,8 @@ class BundleAdjuster {
     point_normals_.assign(state_.points_in_map.size(), PointNormal());
     cross_blocks_.resize(projections_.size());
     bias_normal_ = PoseNormal();
-    bias_normal_.hessian.diagonal() << bias_information_, bias_information_, bias_information_, 1, 1, 1;
+    bias_normal_.hessian.diagonal() << bias_information_, bias_information_, bias_information_, 1,
+        1, 1;
     bias_normal_.gradient.head<3>() = bias_information_ * BiasChange(state_);
     bias_pose_blocks_.assign(free_count_, Matrix6d::Zero());
     bias_point_blocks_.assign(state_.points_in_map.size(), CrossBlock::Zero());
@@ -249,8 +252,8 @@ class BundleAdjuster {
 
   /// The bias enters the disparity's error alone, which moves with the point's depth alone.
   void LinearizeBias(size_t point_idx, const Projection& projection,
-                     const WhitenedMeasurement& measurement, const Eigen::Vector3d& p, double weight,
-                     double error) {
+                     const WhitenedMeasurement& measurement, const Eigen::Vector3d& p,
+                     double weight, double error) {
     const double inverse_sigma = measurement.inverse_sigma.z();
     if (inverse_sigma == 0) return;
     const Eigen::Vector3d basis = inverse_sigma * projection.bias_basis;
@@ -335,11 +338,14 @@ class BundleAdjuster {
     eliminated_.clear();
     for (uint32_t k = point_begin_[point_idx]; k < point_begin_[point_idx + 1]; ++k) {
       const int free_idx = projections_[k].free_idx;
-      if (free_idx != kFixed) EliminateBlock({free_idx, cross_blocks_[k].lazyProduct(inverse_factor.transpose())}, gradient);
+      if (free_idx != kFixed)
+        EliminateBlock({free_idx, cross_blocks_[k].lazyProduct(inverse_factor.transpose())},
+                       gradient);
     }
     if (estimates_bias_) {
-      EliminateBlock({free_count_, bias_point_blocks_[point_idx].lazyProduct(inverse_factor.transpose())},
-                     gradient);
+      EliminateBlock(
+          {free_count_, bias_point_blocks_[point_idx].lazyProduct(inverse_factor.transpose())},
+          gradient);
     }
   }
 
@@ -407,8 +413,8 @@ class BundleAdjuster {
     const double x = (o.px.x() - bundle_.rig.camera.cx) / bundle_.rig.camera.fx;
     return {1, x, x * x};
   }
-  static WhitenedMeasurement WithoutBias(WhitenedMeasurement measurement, const Eigen::Vector3d& basis,
-                                         const State& state) {
+  static WhitenedMeasurement WithoutBias(WhitenedMeasurement measurement,
+                                         const Eigen::Vector3d& basis, const State& state) {
     measurement.uvd.z() -= basis.dot(state.disparity_bias_px);
     return measurement;
   }
@@ -434,9 +440,9 @@ class BundleAdjuster {
 
   bool estimates_bias_ = false;
   double bias_information_ = 0, max_bias_px_ = 0;
-  PoseNormal bias_normal_;                      ///< its first three rows count
-  std::vector<Matrix6d> bias_pose_blocks_;      ///< Hessian between the bias and a free pose
-  std::vector<CrossBlock> bias_point_blocks_;   ///< Hessian between the bias and a point
+  PoseNormal bias_normal_;                     ///< its first three rows count
+  std::vector<Matrix6d> bias_pose_blocks_;     ///< Hessian between the bias and a free pose
+  std::vector<CrossBlock> bias_point_blocks_;  ///< Hessian between the bias and a point
 
   std::vector<Eigen::Matrix3d> rotations_;
 

@@ -34,8 +34,8 @@ struct BundleOptions {
   int robust_iterations = 5;            ///< with all observations
   int final_iterations = 8;             ///< after outliers were taken out
   double min_relative_decrease = 1e-4;  ///< of the cost; stops a phase early
-  /// Also estimates the rig's disparity bias, starting at bundle.rig's: depths must agree with the motion
-  /// wherever in the image a landmark is seen.
+  /// Also estimates the rig's disparity bias, starting at bundle.rig's: depths must agree with the
+  /// motion wherever in the image a landmark is seen.
   bool estimate_disparity_bias = false;
   double bias_step_sigma_px = 0.1;  ///< how far its coefficients are expected to move
   double max_bias_px = 1;           ///< bound on each of its coefficients

@@ -12,7 +12,7 @@ namespace carmap {
 /// Standard deviations of a measurement at pyramid level 0, in pixels; they grow with the level's
 /// scale.
 struct MeasurementNoise {
-  double pixel_px = 0.25;       ///< of u and of v
+  double pixel_px = 0.25;      ///< of u and of v
   double disparity_px = 0.25;  ///< of u_left - u_right
 };
 
