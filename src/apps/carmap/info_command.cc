@@ -104,7 +104,7 @@ void PrintTable(const std::string& path, const LeanMap& map, size_t bytes) {
   const size_t with_gps = KeyframesWithGps(map);
   row("GPS", with_gps == 0 ? "no" : fmt::format("yes, {}", Count(with_gps, "keyframe")));
   if (const Eigen::AlignedBox3d bounds = BoundsOf(map); !bounds.isEmpty()) {
-    const Eigen::Vector3d a = bounds.min(), b = bounds.max();
+    const Eigen::Vector3d &a = bounds.min(), &b = bounds.max();
     row("reaches", fmt::format("x {:.1f} to {:.1f} m (right), y {:.1f} to {:.1f} m (down), "
                                "z {:.1f} to {:.1f} m (forward)",
                                a.x(), b.x(), a.y(), b.y(), a.z(), b.z()));

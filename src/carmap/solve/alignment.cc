@@ -30,7 +30,7 @@ Eigen::Quaterniond BestRotation(const Eigen::Matrix3d& covariance) {
   constexpr double kOnOneLine = 1e-9;
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance,
                                               Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::Vector3d values = svd.singularValues();
+  const Eigen::Vector3d& values = svd.singularValues();
   if (values[0] <= kSquaredStandstillM2) return Eigen::Quaterniond::Identity();
   if (values[1] <= kOnOneLine * values[0]) {
     return Eigen::Quaterniond::FromTwoVectors(svd.matrixV().col(0), svd.matrixU().col(0))
