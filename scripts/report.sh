@@ -10,7 +10,8 @@ json_number() {
     text="$(sed -n "s/.*\"$2\":{\([^{}]*\)}.*/\1/p" <<<"$text")"
     shift
   fi
-  text="$(sed -n "s/.*[{,]\"$2\":\($number\).*/\1/p" <<<"{$text")"
+  # The first one: records inside have keys of the same names, and come later.
+  text="$(grep -o "[{,]\"$2\":$number" <<<"{$text" | head -n 1 | cut -d : -f 2 || true)"
   echo "${text:-–}"
 }
 
