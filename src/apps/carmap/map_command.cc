@@ -205,8 +205,8 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
   command->add_option("--last", arguments->range.last, "Last frame to map (default: the drive's)")
       ->type_name("M");
   command->add_flag("--sequential", arguments->sequential,
-                    "Work without threads of its own for reading and mapping: the same drive gives "
-                    "the same map, byte by byte");
+                    "Work on one stage at a time. The same drive gives the same map, byte by byte, "
+                    "with this and without");
   command
       ->add_option("--trajectory", arguments->trajectory,
                    "Write the pose of each frame in the map's frame, metres: TUM form if named "
