@@ -10,7 +10,7 @@ build_packages=(
   libeigen3-dev libceres-dev libnanoflann-dev libgeographiclib-dev
   libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev
   libopencv-features2d-dev libopencv-calib3d-dev
-  libhwy-dev libtbb-dev libabsl-dev libfmt-dev libcli11-dev nlohmann-json3-dev
+  libhwy-dev libtbb-dev libembree-dev libabsl-dev libfmt-dev libcli11-dev nlohmann-json3-dev
   libzstd-dev libxxhash-dev
   libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev
 )

@@ -1,0 +1,29 @@
+// From light to grey values: exposure, motion blur, lens, noise, eight bits.
+//
+// Pure functions, thread-safe; noise is drawn from (seed, frame, camera).
+#pragma once
+
+#include <cstdint>
+#include <opencv2/core/mat.hpp>
+
+#include "carmap/sim/renderer.h"
+
+namespace carmap {
+
+struct SensorOptions {
+  double exposure_s = 0.002;   ///< shutter; with the motion it makes the blur
+  double blur_sigma_px = 0.5;  ///< of lens and interpolation by rectification
+  double read_noise = 1.0;     ///< grey values, at gain 1
+  double shot_noise = 0.08;    ///< grey values, per square root of the grey value
+  uint64_t seed = 1;
+};
+
+/// `gain` is the automatic exposure's: radiance times gain, 1 is white.
+cv::Mat Expose(const RenderedView& view, const SensorOptions& options, double gain, uint32_t frame,
+               uint32_t camera);
+
+/// The gain that an automatic exposure tends to for this view: its middle grey at 0.35 or so, with
+/// bright parts not burnt out.
+double AutomaticGain(const cv::Mat& radiance);
+
+}  // namespace carmap
