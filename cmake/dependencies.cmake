@@ -14,6 +14,13 @@ pkg_check_modules(xxhash REQUIRED IMPORTED_TARGET libxxhash)
 pkg_check_modules(geographic REQUIRED IMPORTED_TARGET geographiclib)
 find_package(Threads REQUIRED)
 
+# RapidCheck comes without a CMake package of its own.
+find_path(RAPIDCHECK_INCLUDE_DIR rapidcheck.h REQUIRED)
+find_library(RAPIDCHECK_LIBRARY rapidcheck REQUIRED)
+add_library(rapidcheck UNKNOWN IMPORTED)
+set_target_properties(rapidcheck PROPERTIES
+  IMPORTED_LOCATION ${RAPIDCHECK_LIBRARY} INTERFACE_INCLUDE_DIRECTORIES ${RAPIDCHECK_INCLUDE_DIR})
+
 # Debian's OpenCVConfig.cmake comes only with the package of all modules, which draws in VTK and Qt;
 # the modules needed are found one by one.
 find_path(OPENCV_INCLUDE_DIR opencv2/core.hpp PATH_SUFFIXES opencv4 REQUIRED)

@@ -12,7 +12,7 @@
 #include <cstring>
 #include <string>
 
-#include "carmap/format/byte_io.h"
+#include "carmap/base/byte_io.h"
 #include "carmap/format/lean_codec.h"
 #include "carmap/format/lean_map_testing.h"
 

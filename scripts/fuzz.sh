@@ -12,7 +12,7 @@ cmake --preset fuzz
 cmake --build --preset fuzz
 
 found=0
-for fuzzer in build/fuzz/bin/*_fuzzer; do
+for fuzzer in build/fuzz/bin/*_fuzz; do
   [[ -x "$fuzzer" ]] || continue
   found=1
   name="$(basename "$fuzzer")"
@@ -23,6 +23,6 @@ for fuzzer in build/fuzz/bin/*_fuzzer; do
     -artifact_prefix="build/fuzz/$name-" "$corpus"
 done
 if ((found == 0)); then
-  echo "fuzz.sh: no program build/fuzz/bin/*_fuzzer was built; see fuzz/CMakeLists.txt" >&2
+  echo "fuzz.sh: no program build/fuzz/bin/*_fuzz was built; see fuzz/CMakeLists.txt" >&2
   exit 1
 fi

@@ -4,8 +4,8 @@
 
 #include <string>
 
+#include "carmap/base/byte_io.h"
 #include "carmap/base/status_macros.h"
-#include "carmap/format/byte_io.h"
 #include "carmap/format/lean_codec.h"
 
 namespace carmap {

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "carmap/format/byte_io.h"
+#include "carmap/base/byte_io.h"
 
 namespace carmap {
 

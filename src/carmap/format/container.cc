@@ -4,8 +4,8 @@
 #include <fmt/format.h>
 #include <xxhash.h>
 
+#include "carmap/base/byte_io.h"
 #include "carmap/base/status_macros.h"
-#include "carmap/format/byte_io.h"
 
 namespace carmap {
 namespace {

@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
+#include "carmap/base/byte_io.h"
 #include "carmap/base/file.h"
 #include "carmap/base/status_macros.h"
-#include "carmap/format/byte_io.h"
 #include "carmap/format/columns.h"
 #include "carmap/format/container.h"
 #include "carmap/format/lean_grid.h"

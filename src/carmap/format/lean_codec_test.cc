@@ -9,8 +9,8 @@
 #include <filesystem>
 #include <functional>
 
+#include "carmap/base/byte_io.h"
 #include "carmap/base/file.h"
-#include "carmap/format/byte_io.h"
 #include "carmap/format/columns.h"
 #include "carmap/format/container.h"
 #include "carmap/format/lean_grid.h"
