@@ -4,24 +4,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <opencv2/imgcodecs.hpp>
-#include <opencv2/imgproc.hpp>
 #include <optional>
-#include <string_view>
 
-#include "carmap/base/file.h"
+#include "carmap/eval/canvas.h"
 
 namespace carmap {
 namespace {
 
-// Everything is drawn at twice the size and then reduced: text and thin lines come out smooth.
 // Lengths named _px are of the finished picture.
-constexpr int kOversampling = 2;
 constexpr double kLongSidePx = 1600, kMinPlotWidthPx = 1000;
 constexpr int kLeftMarginPx = 84, kRightMarginPx = 28, kTopMarginPx = 66, kBottomMarginPx = 74;
-constexpr int kFont = cv::FONT_HERSHEY_DUPLEX;
-constexpr Rgb kBlack{30, 30, 30}, kGrey{110, 110, 110}, kGridColour{226, 229, 233},
-    kFrameColour{150, 150, 150}, kLandmarkColour{88, 110, 117};
+constexpr Rgb kLandmarkColour{88, 110, 117};
 
 using Points = std::vector<Eigen::Vector3d>;
 
@@ -97,144 +90,6 @@ View ChooseView(const MapPicture& picture) {
   const Eigen::Vector2d center = (box.min + box.max) / 2;
   return {center - size / 2, center + size / 2};
 }
-
-/// 1, 2 or 5 times a power of ten, the first that is not smaller.
-double RoundStepAtLeast(double metres) {
-  const double power = std::pow(10, std::floor(std::log10(metres)));
-  for (const double factor : {1, 2, 5}) {
-    if (factor * power >= metres * (1 - 1e-9)) return factor * power;
-  }
-  return 10 * power;
-}
-
-cv::Scalar ToScalar(Rgb colour) {
-  return {1.0 * colour.blue, 1.0 * colour.green, 1.0 * colour.red};
-}
-
-/// OpenCV's fonts have ASCII alone.
-std::string ToAscii(std::string text) {
-  std::replace_if(
-      text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
-  return text;
-}
-
-enum class Anchor { kLeft, kMiddle, kRight };
-
-/// The picture while it is drawn. Coordinates are pixels of the finished picture.
-class Canvas {
- public:
-  Canvas(int width_px, int height_px)
-      : image_(height_px * kOversampling, width_px * kOversampling, CV_8UC3, cv::Scalar::all(255)) {
-  }
-
-  void Line(Eigen::Vector2d a, Eigen::Vector2d b, Rgb colour, double thickness_px) {
-    cv::line(image_, ToFixed(a), ToFixed(b), ToScalar(colour), Thickness(thickness_px), cv::LINE_AA,
-             kShift);
-  }
-
-  void Polyline(const std::vector<Eigen::Vector2d>& points, Rgb colour, double thickness_px) {
-    std::vector<cv::Point> fixed;
-    for (const Eigen::Vector2d& point : points) fixed.push_back(ToFixed(point));
-    cv::polylines(image_, fixed, false, ToScalar(colour), Thickness(thickness_px), cv::LINE_AA,
-                  kShift);
-  }
-
-  void Dot(Eigen::Vector2d center, double radius_px, Rgb colour) {
-    cv::circle(image_, ToFixed(center),
-               static_cast<int>(std::lround(radius_px * kOversampling * (1 << kShift))),
-               ToScalar(colour), cv::FILLED, cv::LINE_AA, kShift);
-  }
-
-  void Box(Eigen::Vector2d min, Eigen::Vector2d max, Rgb fill, Rgb border) {
-    const cv::Rect rect(Whole(min), Whole(max));
-    cv::rectangle(image_, rect, ToScalar(fill), cv::FILLED);
-    cv::rectangle(image_, rect, ToScalar(border), kOversampling);
-  }
-
-  /// `at` is on the base line. Capitals are `height_px` high.
-  void Text(const std::string& text, Eigen::Vector2d at, double height_px, Rgb colour,
-            Anchor anchor) {
-    const double width_px = TextWidth(text, height_px);
-    if (anchor == Anchor::kMiddle) at.x() -= width_px / 2;
-    if (anchor == Anchor::kRight) at.x() -= width_px;
-    cv::putText(image_, text, Whole(at), kFont, FontScale(height_px), ToScalar(colour),
-                kTextThickness, cv::LINE_AA);
-  }
-
-  static double TextWidth(const std::string& text, double height_px) {
-    int base_line = 0;
-    const cv::Size size =
-        cv::getTextSize(text, kFont, FontScale(height_px), kTextThickness, &base_line);
-    return static_cast<double>(size.width) / kOversampling;
-  }
-
-  /// Half-transparent dots: where landmarks lie close together it gets darker. Dots stay inside the
-  /// frame.
-  void Cloud(const std::vector<Eigen::Vector2d>& centers, Eigen::Vector2d min, Eigen::Vector2d max,
-             Rgb colour) {
-    constexpr double kRadiusPx = 1.5;
-    constexpr double kCrowd = 20000;  // more dots than this would merge into one dark area
-    const double opacity =
-        0.45 * std::sqrt(std::min(1.0, kCrowd / std::max<double>(1, centers.size())));
-    const auto dot_transparency = static_cast<float>(1 - opacity);
-    const cv::Rect frame(Whole(min), Whole(max));
-    cv::Mat transparency(image_.size(), CV_32FC1, cv::Scalar(1));
-    const int reach = static_cast<int>(kRadiusPx * kOversampling);
-    for (const Eigen::Vector2d& center : centers) {
-      const cv::Point middle = Whole(center);
-      for (int dy = -reach; dy <= reach; ++dy) {
-        for (int dx = -reach; dx <= reach; ++dx) {
-          const cv::Point pixel(middle.x + dx, middle.y + dy);
-          if (dx * dx + dy * dy > reach * reach || !frame.contains(pixel)) continue;
-          transparency.at<float>(pixel) *= dot_transparency;
-        }
-      }
-    }
-    Blend(transparency, colour);
-  }
-
-  cv::Mat Finish() const {
-    cv::Mat finished;
-    cv::resize(image_, finished, image_.size() / kOversampling, 0, 0, cv::INTER_AREA);
-    return finished;
-  }
-
- private:
-  static constexpr int kShift = 4;  // OpenCV draws at fractions of a pixel in this fixed point
-  static constexpr int kTextThickness = kOversampling;
-
-  static cv::Point ToFixed(Eigen::Vector2d point) {
-    const Eigen::Vector2d fixed = point * kOversampling * (1 << kShift);
-    return {static_cast<int>(std::lround(fixed.x())), static_cast<int>(std::lround(fixed.y()))};
-  }
-  static cv::Point Whole(Eigen::Vector2d point) {
-    return {static_cast<int>(std::lround(point.x() * kOversampling)),
-            static_cast<int>(std::lround(point.y() * kOversampling))};
-  }
-  static int Thickness(double thickness_px) {
-    return std::max(1, static_cast<int>(std::lround(thickness_px * kOversampling)));
-  }
-  static double FontScale(double height_px) {
-    constexpr double kCapitalHeight = 21;  // of OpenCV's fonts at scale 1
-    return height_px * kOversampling / kCapitalHeight;
-  }
-
-  void Blend(const cv::Mat& transparency, Rgb colour) {
-    const cv::Scalar ink = ToScalar(colour);
-    for (int y = 0; y < image_.rows; ++y) {
-      for (int x = 0; x < image_.cols; ++x) {
-        const float share = transparency.at<float>(y, x);
-        if (share == 1) continue;
-        cv::Vec3b& pixel = image_.at<cv::Vec3b>(y, x);
-        for (int c = 0; c < 3; ++c) {
-          pixel[c] = cv::saturate_cast<uint8_t>(share * pixel[c] + (1 - share) * ink[c]);
-        }
-      }
-    }
-  }
-
-  cv::Mat image_;
-};
 
 /// Where a view stands in the picture.
 class Plot {
@@ -330,7 +185,7 @@ void DrawLegend(const Plot& plot, const MapPicture& picture, Canvas& canvas) {
   const std::string landmarks = fmt::format("{} landmarks", picture.landmarks_in_map.size());
   double text_width_px = Canvas::TextWidth(landmarks, kTextPx);
   for (const PicturePath& path : picture.paths) {
-    text_width_px = std::max(text_width_px, Canvas::TextWidth(ToAscii(path.name), kTextPx));
+    text_width_px = std::max(text_width_px, Canvas::TextWidth(path.name, kTextPx));
   }
   const auto rows = static_cast<double>(picture.paths.size() + 1);
   const Eigen::Vector2d size(kSamplePx + text_width_px + 3 * kPaddingPx,
@@ -352,7 +207,7 @@ void DrawLegend(const Plot& plot, const MapPicture& picture, Canvas& canvas) {
     } else {
       canvas.Line(sample, sample + 2 * half, path.colour, LineWidthPx(picture.paths, i));
     }
-    write_row(ToAscii(path.name));
+    write_row(path.name);
   }
   for (const auto& [dx, dy] : {std::pair{6, 3}, {15, -4}, {22, 4}, {30, -2}}) {
     canvas.Dot(sample + Eigen::Vector2d(dx, dy), 1.5, kLandmarkColour);
@@ -377,11 +232,10 @@ void DrawScaleBar(const Plot& plot, Canvas& canvas) {
 
 void DrawTitle(const Plot& plot, const std::string& title, Canvas& canvas) {
   constexpr double kMaxTextPx = 18, kRoomForAxisPx = 110;
-  const std::string text = ToAscii(title);
   const double room_px = plot.size_px().x() - 2 * kRoomForAxisPx;
-  const double width_px = std::max(Canvas::TextWidth(text, kMaxTextPx), 1.0);
+  const double width_px = std::max(Canvas::TextWidth(title, kMaxTextPx), 1.0);
   const double middle = (plot.min_px().x() + plot.max_px().x()) / 2;
-  canvas.Text(text, {middle, 40}, kMaxTextPx * std::min(1.0, room_px / width_px), kBlack,
+  canvas.Text(title, {middle, 40}, kMaxTextPx * std::min(1.0, room_px / width_px), kBlack,
               Anchor::kMiddle);
 }
 
@@ -408,10 +262,7 @@ cv::Mat RenderMapPicture(const MapPicture& picture) {
 }
 
 absl::Status WriteMapPicture(const std::filesystem::path& path, const MapPicture& picture) {
-  std::vector<uchar> png;
-  cv::imencode(".png", RenderMapPicture(picture), png);
-  return WriteFileAtomically(
-      path, std::string_view(reinterpret_cast<const char*>(png.data()), png.size()));
+  return WritePng(path, RenderMapPicture(picture));
 }
 
 }  // namespace carmap

@@ -7,21 +7,14 @@
 #include <absl/status/status.h>
 
 #include <Eigen/Core>
-#include <cstdint>
 #include <filesystem>
 #include <opencv2/core/mat.hpp>
 #include <string>
 #include <vector>
 
+#include "carmap/eval/canvas.h"
+
 namespace carmap {
-
-struct Rgb {
-  uint8_t red = 0, green = 0, blue = 0;
-};
-
-/// Colours that can be told apart on white, also by most colour-blind people.
-inline constexpr Rgb kEstimateColour{0, 90, 181}, kTruthColour{220, 50, 32},
-    kKeyframeColour{230, 159, 0};
 
 struct PicturePath {
   std::string name;  ///< for the legend; ASCII
