@@ -18,6 +18,9 @@
 #include "carmap/dataset/image_file.h"
 #include "carmap/dataset/kitti_drive.h"
 #include "carmap/dataset/read_ahead.h"
+#include "carmap/eval/canvas.h"
+#include "carmap/eval/error_picture.h"
+#include "carmap/eval/frame_picture.h"
 #include "carmap/eval/localization_error.h"
 #include "carmap/feature/stereo_features.h"
 #include "carmap/format/lean_codec.h"
@@ -28,7 +31,7 @@ namespace carmap {
 namespace {
 
 struct Arguments {
-  std::string drive, map, map_truth, trajectory, report, picture;
+  std::string drive, map, map_truth, trajectory, report, picture, frame_picture, error_picture;
   FrameRange range;
 };
 
@@ -89,6 +92,7 @@ struct LocalizedDrive {
   size_t unusable_frames = 0;  ///< of the lost ones, those whose images are at fault, not the map
   std::vector<double> frame_ms;
   size_t tracked = 0, tracked_widely = 0, relocalized = 0;
+  FramePicture best_frame;  ///< the one with most landmarks
 
   size_t localized() const { return trajectory.size() - lost_frames.size(); }
 };
@@ -114,7 +118,7 @@ class DriveLocalizer {
     drive_.frame_ms.push_back(watch.ElapsedMs());
     pose.world_from_camera = localized.map_from_camera;
     Count(localized.found_by);
-    if (localized.map_from_camera) return;
+    if (localized.map_from_camera) return RememberIfBest(frame, features, localized.inliers);
     if (features.size() < kMinFeatures) {
       return LoseUnusable(frame.index,
                           fmt::format("only {} features in the image", features.size()));
@@ -132,6 +136,15 @@ class DriveLocalizer {
  private:
   static constexpr size_t kMinFeatures = 50;  ///< fewer come of a black or blinded image
 
+  void RememberIfBest(const StereoFrame& frame, const std::vector<Feature>& features,
+                      const std::vector<LandmarkMatch>& inliers) {
+    if (inliers.size() <= most_inliers_) return;
+    most_inliers_ = inliers.size();
+    drive_.best_frame = {fmt::format("Frame {} in the map", frame.index), frame.left, features,
+                         std::vector<bool>(features.size())};
+    for (const LandmarkMatch& match : inliers) drive_.best_frame.in_map[match.feature_idx] = true;
+  }
+
   void LoseUnusable(uint32_t index, const std::string& reason) {
     ++drive_.unusable_frames;
     drive_.lost_frames.push_back({index, reason});
@@ -146,6 +159,7 @@ class DriveLocalizer {
   const StereoRig rig_;
   Localizer localizer_;
   cv::Mat previous_left_;
+  size_t most_inliers_ = 0;
   LocalizedDrive drive_;
 };
 
@@ -190,9 +204,9 @@ void AddErrors(const MapAlignment& alignment, const LocalizationError& error,
   report["map_alignment"] = {{"keyframes", alignment.keyframes}, {"rmse_m", alignment.rmse_m}};
 }
 
-absl::Status WritePicture(const LoadedMap& loaded, const LocalizedDrive& localized,
-                          const std::optional<MapAlignment>& alignment, const Trajectory& truth,
-                          const Arguments& arguments) {
+absl::Status WriteMapFromAbove(const LoadedMap& loaded, const LocalizedDrive& localized,
+                               const std::optional<MapAlignment>& alignment,
+                               const Trajectory& truth, const Arguments& arguments) {
   std::vector<PicturePath> paths;
   if (alignment) {
     paths.push_back(
@@ -202,6 +216,37 @@ absl::Status WritePicture(const LoadedMap& loaded, const LocalizedDrive& localiz
   const std::string title =
       fmt::format("{} localized in {}", NameOf(arguments.drive), NameOf(arguments.map));
   return WriteMapPicture(arguments.picture, PictureOf(loaded.lean, title, paths));
+}
+
+/// Errors of each frame over the distance along the truth.
+cv::Mat DrawErrors(const LocalizedDrive& localized, const MapAlignment& alignment,
+                   const Trajectory& truth, const Arguments& arguments) {
+  ErrorCurve position{"position (m)", {}}, rotation{"rotation (deg)", {}};
+  for (const FrameError& error :
+       LocalizationErrors(localized.trajectory, truth, alignment.world_from_map)) {
+    position.values.emplace_back(error.path_m, error.position_m);
+    rotation.values.emplace_back(error.path_m, error.rotation_deg);
+  }
+  return RenderErrorPicture(
+      fmt::format("Error of {} localized in {}", NameOf(arguments.drive), NameOf(arguments.map)),
+      {position, rotation});
+}
+
+absl::Status WritePictures(const LoadedMap& loaded, const LocalizedDrive& localized,
+                           const std::optional<MapAlignment>& alignment, const Trajectory& truth,
+                           const Arguments& arguments) {
+  if (!arguments.picture.empty()) {
+    CARMAP_RETURN_IF_ERROR(WriteMapFromAbove(loaded, localized, alignment, truth, arguments));
+  }
+  if (!arguments.frame_picture.empty()) {
+    CARMAP_RETURN_IF_ERROR(
+        WritePng(arguments.frame_picture, RenderFramePicture(localized.best_frame)));
+  }
+  if (!arguments.error_picture.empty()) {
+    CARMAP_RETURN_IF_ERROR(
+        WritePng(arguments.error_picture, DrawErrors(localized, *alignment, truth, arguments)));
+  }
+  return absl::OkStatus();
 }
 
 void PrintSummary(const LoadedMap& loaded, const LocalizedDrive& localized,
@@ -220,8 +265,9 @@ void PrintSummary(const LoadedMap& loaded, const LocalizedDrive& localized,
 absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   inputs.push_back(arguments.map);
-  CARMAP_RETURN_IF_ERROR(
-      CheckOutputs({arguments.trajectory, arguments.report, arguments.picture}, inputs));
+  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.trajectory, arguments.report, arguments.picture,
+                                       arguments.frame_picture, arguments.error_picture},
+                                      inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive, arguments.range));
   CARMAP_ASSIGN_OR_RETURN(const LoadedMap loaded, LoadMap(arguments.map, drive->rig()));
   CARMAP_ASSIGN_OR_RETURN(const std::optional<MapAlignment> alignment,
@@ -247,9 +293,7 @@ absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
     if (error) AddErrors(*alignment, *error, report);
     CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, report));
   }
-  if (!arguments.picture.empty()) {
-    CARMAP_RETURN_IF_ERROR(WritePicture(loaded, localized, alignment, drive->truth(), arguments));
-  }
+  CARMAP_RETURN_IF_ERROR(WritePictures(loaded, localized, alignment, drive->truth(), arguments));
   PrintSummary(loaded, localized, error);
   PrintLostFrames(arguments.drive, localized.lost_frames);
   return localized.unusable_frames == 0 ? kSuccess : kIncomplete;
@@ -284,6 +328,15 @@ void AddLocalizeCommand(CLI::App& app, Command& chosen) {
   command
       ->add_option("--picture", arguments->picture,
                    "Draw landmarks, localized path and truth from above")
+      ->type_name("P.png");
+  command
+      ->add_option("--frame-picture", arguments->frame_picture,
+                   "Draw the frame that was found best, with its features")
+      ->type_name("P.png");
+  command
+      ->add_option("--error-picture", arguments->error_picture,
+                   "Draw the errors over the distance driven")
+      ->needs("--map-truth")
       ->type_name("P.png");
   command->footer(
       R"(If the drive has gps.txt and the map has GPS fixes, a frame is looked for near its fix; otherwise in

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -61,15 +62,34 @@ absl::StatusOr<MapAlignment> AlignMapToTruth(const LeanMap& map, const Trajector
                       std::sqrt(sum_of_squares / static_cast<double>(in_map.size()))};
 }
 
+std::vector<FrameError> LocalizationErrors(const Trajectory& map_from_camera,
+                                           const Trajectory& truth, const Rigid3& world_from_map) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  std::vector<FrameError> errors;
+  double path_m = 0;
+  std::optional<Eigen::Vector3d> last;
+  for (size_t i = 0; i < std::min(map_from_camera.size(), truth.size()); ++i) {
+    const std::optional<Rigid3>& true_pose = truth[i].world_from_camera;
+    if (true_pose) {
+      if (last) path_m += (true_pose->translation - *last).norm();
+      last = true_pose->translation;
+    }
+    errors.push_back({path_m, kNone, kNone});
+    if (!map_from_camera[i].world_from_camera || !true_pose) continue;
+    const Rigid3 estimated = world_from_map * *map_from_camera[i].world_from_camera;
+    const Rigid3 error = true_pose->Inverse() * estimated;
+    errors.back() = {path_m, error.translation.norm(), kDegPerRad * RotationAngle(error.rotation)};
+  }
+  return errors;
+}
+
 LocalizationError EvaluateLocalization(const Trajectory& map_from_camera, const Trajectory& truth,
                                        const Rigid3& world_from_map) {
   std::vector<double> position_m, rotation_deg;
-  for (size_t i = 0; i < std::min(map_from_camera.size(), truth.size()); ++i) {
-    if (!map_from_camera[i].world_from_camera || !truth[i].world_from_camera) continue;
-    const Rigid3 estimated = world_from_map * *map_from_camera[i].world_from_camera;
-    const Rigid3 error = truth[i].world_from_camera->Inverse() * estimated;
-    position_m.push_back(error.translation.norm());
-    rotation_deg.push_back(kDegPerRad * RotationAngle(error.rotation));
+  for (const FrameError& error : LocalizationErrors(map_from_camera, truth, world_from_map)) {
+    if (std::isnan(error.position_m)) continue;
+    position_m.push_back(error.position_m);
+    rotation_deg.push_back(error.rotation_deg);
   }
   const size_t frames = position_m.size();
   return {frames, Summarize(std::move(position_m)), Summarize(std::move(rotation_deg))};

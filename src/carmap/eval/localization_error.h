@@ -7,6 +7,7 @@
 #include <absl/status/statusor.h>
 
 #include <cstddef>
+#include <vector>
 
 #include "carmap/base/summary.h"
 #include "carmap/dataset/trajectory.h"
@@ -30,6 +31,14 @@ struct LocalizationError {
   size_t frames = 0;  ///< localized, with a true pose
   Summary position_m, rotation_deg;
 };
+
+/// Of one frame; errors are NaN where the frame was not localized or has no true pose.
+struct FrameError {
+  double path_m = 0;  ///< driven up to here along the truth
+  double position_m = 0, rotation_deg = 0;
+};
+std::vector<FrameError> LocalizationErrors(const Trajectory& map_from_camera,
+                                           const Trajectory& truth, const Rigid3& world_from_map);
 
 /// `map_from_camera` and `truth` have one entry a frame, of the same frames.
 LocalizationError EvaluateLocalization(const Trajectory& map_from_camera, const Trajectory& truth,

@@ -59,8 +59,8 @@ LocalizedFrame Localizer::Localize(Timestamp timestamp, const std::vector<Featur
   if (!pose) return frame;
 
   frame.map_from_camera = pose->camera_from_map.Inverse();
-  frame.inlier_count = static_cast<int>(pose->inliers.size());
   Remember(timestamp, *pose);
+  frame.inliers = std::move(pose->inliers);
   return frame;
 }
 

@@ -28,7 +28,7 @@ enum class FoundBy { kNothing, kTracking, kWideTracking, kRelocalization };
 
 struct LocalizedFrame {
   std::optional<Rigid3> map_from_camera;  ///< absent if the frame is lost
-  int inlier_count = 0;                   ///< landmarks that agree with the pose
+  std::vector<LandmarkMatch> inliers;     ///< landmarks of the map that agree with the pose
   FoundBy found_by = FoundBy::kNothing;
   double tracking_ms = 0, relocalization_ms = 0;
 };
