@@ -1,6 +1,7 @@
 // Numbers that look random and follow from their keys alone, the same on every machine.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 namespace carmap {
@@ -30,6 +31,11 @@ class HashSequence {
   /// In [0, count).
   uint32_t Below(uint32_t count) { return static_cast<uint32_t>(Unit() * count); }
   bool Chance(double probability) { return Unit() < probability; }
+  /// Of mean 0 and standard deviation 1 (Box and Muller, 1958).
+  double Normal() {
+    const double radius = std::sqrt(-2 * std::log(1 - Unit()));
+    return radius * std::cos(2 * M_PI * Unit());
+  }
 
  private:
   uint64_t seed_, count_ = 0;
