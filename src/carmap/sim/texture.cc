@@ -1,0 +1,220 @@
+#include "carmap/sim/texture.h"
+
+#include <hwy/highway.h>
+#include <tbb/parallel_for.h>
+
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <opencv2/core/mat.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "carmap/sim/pattern_tiles.h"
+#include "carmap/sim/random.h"
+
+namespace carmap {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using Floats = hn::CappedTag<float, 8>;
+using Ints = hn::RebindToSigned<Floats>;
+using F = hn::Vec<Floats>;
+using I = hn::Vec<Ints>;
+
+constexpr int kLevels = std::bit_width(unsigned{kTileSize});
+constexpr int kMaxLooks = 10;
+constexpr int kPatterns = static_cast<int>(Pattern::kGround) + 1;
+constexpr int kFigures = 12;  ///< of each pattern whose seeds choose a picture
+constexpr float kMacroTileM = 512.f / 37;
+constexpr float kUnit = 128;  ///< value of a texel as bright as the mean
+
+/// Quads before each level of a tile, and of a whole tile.
+constexpr std::array<int32_t, kLevels + 1> LevelOffsets() {
+  std::array<int32_t, kLevels + 1> offsets{};
+  for (int level = 0; level < kLevels; ++level) {
+    offsets[level + 1] = offsets[level] + (kTileSize >> level) * (kTileSize >> level);
+  }
+  return offsets;
+}
+constexpr auto kLevelOffsets = LevelOffsets();
+
+bool HasFigures(Pattern pattern) {
+  return pattern == Pattern::kSign || pattern == Pattern::kPoster || pattern == Pattern::kCurtain;
+}
+
+void StoreQuads(const cv::Mat& level, uint32_t* quads) {
+  cv::Mat_<uint8_t> bytes;
+  level.convertTo(bytes, CV_8U, kUnit);
+  const int size = bytes.rows;
+  for (int y = 0; y < size; ++y) {
+    const uint8_t* row = bytes[y];
+    const uint8_t* below = bytes[(y + 1) % size];
+    for (int x = 0; x < size; ++x) {
+      const int right = (x + 1) % size;
+      *quads++ = row[x] | row[right] << 8 | below[x] << 16 | uint32_t{below[right]} << 24;
+    }
+  }
+}
+
+/// Interpolated at (x, y), in texels of level 0 whose corner is at 0.
+F Bilinear(const uint32_t* quads, I tile, I level, F x, F y) {
+  const Floats f;
+  const Ints i;
+  // 2^-level, from its exponent's bits.
+  const F shrink = hn::BitCast(f, hn::ShiftLeft<23>(hn::Sub(hn::Set(i, 127), level)));
+  x = hn::MulSub(x, shrink, hn::Set(f, 0.5f));
+  y = hn::MulSub(y, shrink, hn::Set(f, 0.5f));
+  const F x0 = hn::Floor(x), y0 = hn::Floor(y);
+  const F tx = hn::Sub(x, x0), ty = hn::Sub(y, y0);
+  const I size = hn::ConvertTo(i, hn::Mul(shrink, hn::Set(f, kTileSize)));
+  const I mask = hn::Sub(size, hn::Set(i, 1));
+  const I column = hn::And(hn::ConvertTo(i, x0), mask), row = hn::And(hn::ConvertTo(i, y0), mask);
+  const I offset = hn::GatherIndex(i, kLevelOffsets.data(), level);
+  const I texel = hn::Add(hn::Add(tile, offset), hn::Add(hn::Mul(row, size), column));
+  const I quad = hn::GatherIndex(i, reinterpret_cast<const int32_t*>(quads), texel);
+  const I byte = hn::Set(i, 255);
+  const F a = hn::ConvertTo(f, hn::And(quad, byte));
+  const F b = hn::ConvertTo(f, hn::And(hn::ShiftRight<8>(quad), byte));
+  const F c = hn::ConvertTo(f, hn::And(hn::ShiftRight<16>(quad), byte));
+  const F d = hn::ConvertTo(f, hn::And(hn::ShiftRight<24>(quad), byte));
+  const F above = hn::MulAdd(tx, hn::Sub(b, a), a), below = hn::MulAdd(tx, hn::Sub(d, c), c);
+  return hn::MulAdd(ty, hn::Sub(below, above), above);
+}
+
+}  // namespace
+
+/// Which tile each spot looks at, and how it lies there.
+struct Textures::Looks {
+  alignas(32) int32_t tile[TextureSpots::kCapacity];  ///< its first quad
+  alignas(32) float texels_per_m[TextureSpots::kCapacity];
+  alignas(32) float shift_u[TextureSpots::kCapacity], shift_v[TextureSpots::kCapacity];  ///< texels
+};
+
+const Textures& Textures::Get() {
+  static const auto* const textures = new Textures;
+  return *textures;
+}
+
+Textures::Textures() : layers_(kPatterns) {
+  struct Task {
+    Pattern pattern;
+    uint32_t variant;
+    cv::Mat tile;
+  };
+  std::vector<Task> tasks;
+  for (int p = 0; p < kPatterns; ++p) {
+    const auto pattern = static_cast<Pattern>(p);
+    layers_[p].first_tile = static_cast<int>(tasks.size());
+    layers_[p].variants = HasFigures(pattern) ? kFigures : 1;
+    for (int v = 0; v < layers_[p].variants; ++v) {
+      tasks.push_back({pattern, static_cast<uint32_t>(v), {}});
+    }
+  }
+  tbb::parallel_for(size_t{0}, tasks.size(), [&](size_t i) {
+    tasks[i].tile = DrawPatternTile(tasks[i].pattern, tasks[i].variant);
+  });
+  for (const Task& task : tasks) AddTile(task.tile);
+
+  std::array<int, 3> macro_tiles{};
+  for (int kind = 0; kind < 3; ++kind) {
+    macro_tiles[kind] = AddTile(DrawMacroTile(static_cast<MacroTile>(kind)));
+  }
+  const auto set_macro = [&](MacroTile kind, float share, std::initializer_list<Pattern> patterns) {
+    for (const Pattern pattern : patterns) {
+      layers_[static_cast<int>(pattern)].macro_tile = macro_tiles[static_cast<int>(kind)];
+      layers_[static_cast<int>(pattern)].macro_share = share;
+    }
+  };
+  using enum Pattern;
+  set_macro(MacroTile::kRoad, 1, {kAsphalt});
+  set_macro(MacroTile::kStreaks, 0.4f, {kConcrete, kPlaster, kStone, kBrick, kMetal});
+  set_macro(MacroTile::kStains, 1, {kGrass, kSoil, kGravel, kLeaves});
+  set_macro(MacroTile::kStains, 0.5f, {kPaving, kCobbles, kRoofTiles, kWood, kBark, kFabric});
+  set_macro(MacroTile::kStains, 0.2f,
+            {kPlain, kCarPaint, kGlass, kRubber, kSkin, kSign, kPoster, kCurtain, kGround});
+}
+
+int Textures::AddTile(const cv::Mat& tile) {
+  cv::Mat level = tile.clone();
+  const size_t first = quads_.size();
+  quads_.resize(first + kLevelOffsets[kLevels]);
+  for (int i = 0; i < kLevels; ++i) {
+    StoreQuads(level, &quads_[first + kLevelOffsets[i]]);
+    if (i + 1 < kLevels) cv::resize(level, level, {}, 0.5, 0.5, cv::INTER_AREA);
+  }
+  return static_cast<int>(first / kLevelOffsets[kLevels]);
+}
+
+void Textures::LookUpTiles(const TextureSpots& spots, const Looks& looks, int count,
+                           float* value) const {
+  const Floats f;
+  const Ints i;
+  const int lanes = static_cast<int>(hn::Lanes(f));
+  const F zero = hn::Zero(f), one = hn::Set(f, 1);
+  for (int k = 0; k < count; k += lanes) {
+    const F scale = hn::Load(f, looks.texels_per_m + k);
+    const F x = hn::MulAdd(hn::Load(f, spots.u_m + k), scale, hn::Load(f, looks.shift_u + k));
+    const F y = hn::MulAdd(hn::Load(f, spots.v_m + k), scale, hn::Load(f, looks.shift_v + k));
+    const F along_x = hn::Mul(hn::Load(f, spots.major_u_m + k), scale);
+    const F along_y = hn::Mul(hn::Load(f, spots.major_v_m + k), scale);
+    const F major = hn::Sqrt(hn::MulAdd(along_x, along_x, hn::Mul(along_y, along_y)));
+    const F minor = hn::Max(hn::Mul(hn::Load(f, spots.minor_m + k), scale), one);
+    const F looks_wanted =
+        hn::Min(hn::Max(hn::Ceil(hn::Div(major, minor)), one), hn::Set(f, kMaxLooks));
+    const F width = hn::Max(minor, hn::Div(major, looks_wanted));
+    // log2(width), linear between powers of two.
+    const I bits = hn::BitCast(i, width);
+    const I octave = hn::Sub(hn::ShiftRight<23>(bits), hn::Set(i, 127));
+    const F mantissa =
+        hn::BitCast(f, hn::Or(hn::And(bits, hn::Set(i, 0x7fffff)), hn::Set(i, 0x3f800000)));
+    const F share = hn::Sub(mantissa, one);
+    const I last = hn::Set(i, kLevels - 1);
+    const I fine = hn::Min(octave, last), coarse = hn::Min(hn::Add(octave, hn::Set(i, 1)), last);
+
+    const I tile = hn::Load(i, looks.tile + k);
+    const F step = hn::Div(one, looks_wanted);
+    F at = hn::MulSub(step, hn::Set(f, 0.5f), hn::Set(f, 0.5f));
+    F sum = zero;
+    const auto most = static_cast<int>(hn::GetLane(hn::MaxOfLanes(f, looks_wanted)));
+    for (int look = 0; look < most; ++look) {
+      const F tap_x = hn::MulAdd(at, along_x, x), tap_y = hn::MulAdd(at, along_y, y);
+      const F a = Bilinear(quads_.data(), tile, fine, tap_x, tap_y);
+      const F b = Bilinear(quads_.data(), tile, coarse, tap_x, tap_y);
+      const auto counts = hn::Lt(hn::Set(f, static_cast<float>(look)), looks_wanted);
+      sum = hn::Add(sum, hn::IfThenElseZero(counts, hn::MulAdd(share, hn::Sub(b, a), a)));
+      at = hn::Add(at, step);
+    }
+    hn::Store(hn::Mul(hn::Mul(sum, step), hn::Set(f, 1 / kUnit)), f, value + k);
+  }
+}
+
+void Textures::LookUp(const TextureSpots& spots, int count, float* brightness) const {
+  if (count <= 0) return;
+  Looks looks;
+  const int padded = (count + 7) / 8 * 8;
+  for (int k = 0; k < padded; ++k) {
+    const Layers& layers = layers_[static_cast<int>(spots.pattern[k])];
+    const uint64_t hash = HashKeys(spots.seed[k], 17);
+    const auto variant = static_cast<int>((hash >> 40) % static_cast<uint64_t>(layers.variants));
+    looks.tile[k] = (layers.first_tile + variant) * kLevelOffsets[kLevels];
+    looks.texels_per_m[k] = kTileSize / layers.tile_m;
+    // The ground is papered without seams.
+    looks.shift_u[k] = spots.seed[k] == 0 ? 0.f : static_cast<float>(hash % kTileSize);
+    looks.shift_v[k] = spots.seed[k] == 0 ? 0.f : static_cast<float>((hash >> 20) % kTileSize);
+  }
+  LookUpTiles(spots, looks, padded, brightness);
+
+  alignas(32) float macro[TextureSpots::kCapacity];
+  for (int k = 0; k < padded; ++k) {
+    looks.tile[k] = layers_[static_cast<int>(spots.pattern[k])].macro_tile * kLevelOffsets[kLevels];
+    looks.texels_per_m[k] = kTileSize / kMacroTileM;
+  }
+  LookUpTiles(spots, looks, padded, macro);
+  for (int k = 0; k < padded; ++k) {
+    const float share = layers_[static_cast<int>(spots.pattern[k])].macro_share;
+    brightness[k] *= 1 + share * (macro[k] - 1);
+  }
+}
+
+}  // namespace carmap
