@@ -91,6 +91,12 @@ std::vector<float> LevelsOf(const std::vector<WallOpening>& openings, float heig
   return levels;
 }
 
+Vector3f RandomDirection(HashSequence& random) {
+  const double angle = random.Between(0, 2 * M_PI), z = random.Between(-1, 1);
+  const double radius = std::sqrt(1 - z * z);
+  return Eigen::Vector3d(radius * std::cos(angle), radius * std::sin(angle), z).cast<float>();
+}
+
 }  // namespace
 
 SurfaceIdx MeshBuilder::Use(const Surface& surface) {
@@ -265,31 +271,28 @@ void MeshBuilder::Ellipsoid(const Vector3f& centre, const Vector3f& radii_m, int
   Loft(loft, /*closed=*/true, surface);
 }
 
+void MeshBuilder::Leaf(const Vector3f& stem, const Vector3f& out, float leaf_m, SurfaceIdx surface,
+                       HashSequence& random) {
+  const Vector3f along = (RandomDirection(random) + 0.7f * out).normalized();
+  const Vector3f across = along.cross(RandomDirection(random)).normalized();
+  const auto between = [&](double low, double high) {
+    return static_cast<float>(random.Between(low, high));
+  };
+  const float length = leaf_m * between(0.7, 1.3), width = length * between(0.35, 0.55);
+  const float bulge = length * between(0.35, 0.6);
+  const Vector3f fold = length * between(-0.25, 0.25) * along.cross(across);
+  const Vector2f uv(between(0, 10), between(0, 10));
+  Quad(stem, stem + bulge * along - width * across + fold, stem + length * along,
+       stem + bulge * along + width * across + fold, surface, uv);
+}
+
 void MeshBuilder::LeafCluster(const Vector3f& centre, const Vector3f& radii_m, int leaves,
                               float leaf_m, SurfaceIdx surface, HashSequence& random) {
-  const auto signed_unit = [&] { return static_cast<float>(random.Between(-1, 1)); };
-  const auto direction = [&] {
-    Vector3f v;
-    do {
-      v = Vector3f(signed_unit(), signed_unit(), signed_unit());
-    } while (v.squaredNorm() > 1 || v.squaredNorm() < 0.01f);
-    return Vector3f(v.normalized());
-  };
   for (int i = 0; i < leaves; ++i) {
-    const Vector3f out = direction();
+    const Vector3f out = RandomDirection(random);
     // More of them near the surface: the inside of a crown is bare.
     const float depth = 1 - 0.6f * static_cast<float>(random.Unit() * random.Unit());
-    const Vector3f stem = centre + depth * radii_m.cwiseProduct(out);
-    const Vector3f along = (direction() + 0.7f * out).normalized();
-    const Vector3f across = along.cross(direction()).normalized();
-    const float length = leaf_m * static_cast<float>(random.Between(0.7, 1.3));
-    const float width = length * static_cast<float>(random.Between(0.3, 0.5));
-    const float bulge = length * static_cast<float>(random.Between(0.35, 0.6));
-    const Vector3f fold = 0.25f * length * signed_unit() * along.cross(across);
-    // A kite folded along its middle.
-    Quad(stem, stem + bulge * along + width * across + fold, stem + length * along,
-         stem + bulge * along - width * across + fold, surface,
-         {signed_unit() * 10, signed_unit() * 10});
+    Leaf(centre + depth * radii_m.cwiseProduct(out), out, leaf_m, surface, random);
   }
 }
 

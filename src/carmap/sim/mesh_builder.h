@@ -78,6 +78,10 @@ class MeshBuilder {
   void Ellipsoid(const Eigen::Vector3f& centre, const Eigen::Vector3f& radii_m, int sides,
                  int rings, SurfaceIdx surface);
 
+  /// A leaf of about `leaf_m` that grows from `stem`, more or less in the direction `out`: a kite,
+  /// folded along its middle.
+  void Leaf(const Eigen::Vector3f& stem, const Eigen::Vector3f& out, float leaf_m,
+            SurfaceIdx surface, HashSequence& random);
   /// Leaves of about `leaf_m`, turned at random, in and near the surface of an ellipsoid.
   void LeafCluster(const Eigen::Vector3f& centre, const Eigen::Vector3f& radii_m, int leaves,
                    float leaf_m, SurfaceIdx surface, HashSequence& random);
