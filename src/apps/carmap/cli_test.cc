@@ -146,7 +146,7 @@ std::string Image(const char* side, int frame) { return fmt::format("{}/{:06}.pn
 TEST_F(CliTest, TeachesItself) {
   const Result help = Run({"--help"});
   EXPECT_EQ(help.exit_code, 0);
-  for (const char* command : {"map", "localize", "stitch", "info", "evaluate"}) {
+  for (const char* command : {"map", "localize", "stitch", "info", "evaluate", "vocabulary"}) {
     EXPECT_THAT(help.out, HasSubstr(fmt::format("\n  {} ", command)));
     const Result of_command = Run({command, "--help"});
     EXPECT_EQ(of_command.exit_code, 0);
@@ -263,6 +263,57 @@ TEST_F(CliTest, SaysWhatAMapHolds) {
   for (const char* key : {"keyframes", "landmarks", "observations", "bytes_per_landmark"}) {
     EXPECT_GT(info[key], 0) << key;
   }
+}
+
+TEST_F(CliTest, TrainsAVocabularyTheSameEachTime) {
+  const std::vector<std::string> train = {"vocabulary", "train",   "../drive", "--branching",
+                                          "6",          "--depth", "3",        "--step",
+                                          "3",          "--out"};
+  const auto to = [&](const std::string& out, const std::string& seed) {
+    std::vector<std::string> arguments = train;
+    arguments.insert(arguments.end(), {out, "--seed", seed});
+    return arguments;
+  };
+  const Result result = Run(to("a.cmvoc", "7"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  ASSERT_EQ(Run(to("b.cmvoc", "7")).exit_code, 0);
+  ASSERT_EQ(Run(to("c.cmvoc", "8")).exit_code, 0);
+  EXPECT_EQ(Read(work() / "a.cmvoc"), Read(work() / "b.cmvoc"));
+  EXPECT_NE(Read(work() / "a.cmvoc"), Read(work() / "c.cmvoc"));
+
+  EXPECT_THAT(Run({"vocabulary", "info", "a.cmvoc"}).out, HasSubstr("3 levels"));
+  const Result json = Run({"vocabulary", "info", "a.cmvoc", "--json"});
+  ASSERT_EQ(json.exit_code, 0) << json.err;
+  const nlohmann::json info = nlohmann::json::parse(json.out);
+  EXPECT_EQ(info["training_images"], (kFrames + 2) / 3);
+  EXPECT_EQ(info["bytes"], fs::file_size(work() / "a.cmvoc"));
+  EXPECT_GT(info["words"], 100);
+  EXPECT_LE(info["words"], 6 * 6 * 6);
+
+  const Result places =
+      Run({"evaluate", "places", "../drive", "--vocabulary", "a.cmvoc", "--json"});
+  ASSERT_EQ(places.exit_code, 0) << places.err;
+  EXPECT_EQ(nlohmann::json::parse(places.out)["keyframes"], 6) << "2.4 m apart";
+}
+
+TEST_F(CliTest, RefusesVocabulariesThatItCannotTrainOrRead) {
+  const auto train = [](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"vocabulary", "train", "../drive"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  };
+  ExpectRefusedAtOnce(train({"--out", "v.cmvoc", "--branching", "1"}), "branching 1");
+  ExpectRefusedAtOnce(train({"--out", "v.cmvoc", "--depth", "9"}), "nodes");
+  ExpectRefusedAtOnce(train({"--out", "v.cmvoc", "--step", "0"}), "step 0");
+  ExpectRefusedAtOnce(train({"--out", "no/v.cmvoc"}), "no/v.cmvoc: cannot be written");
+  ExpectRefusedAtOnce(train({"--out", "../drive/calib.txt"}), "would be overwritten");
+  ExpectRefusedAtOnce({"vocabulary", "train", "../absent", "--out", "v.cmvoc"}, "../absent");
+  ExpectRefused(train({"--out", "v.cmvoc", "--step", "100"}), "1 of at least two images");
+  ExpectRefusedAtOnce({"vocabulary"}, "command is required", 2);
+  ExpectRefusedAtOnce({"vocabulary", "info", "absent.cmvoc"}, "absent.cmvoc: no such file");
+  ExpectRefusedAtOnce({"vocabulary", "info", "../base.cmap"}, "not a carmap vocabulary");
+  ExpectRefusedAtOnce({"evaluate", "places", "../drive", "--vocabulary", "../base.cmap"},
+                      "not a carmap vocabulary");
 }
 
 // Wrong usage.

@@ -22,5 +22,9 @@ void AddLocalizeCommand(CLI::App& app, Command& chosen);
 void AddStitchCommand(CLI::App& app, Command& chosen);
 void AddInfoCommand(CLI::App& app, Command& chosen);
 void AddEvaluateCommand(CLI::App& app, Command& chosen);
+void AddVocabularyCommand(CLI::App& app, Command& chosen);
+
+/// To `carmap evaluate`.
+void AddEvaluatePlaces(CLI::App& evaluate, Command& chosen);
 
 }  // namespace carmap

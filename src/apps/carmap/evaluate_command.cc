@@ -55,6 +55,7 @@ Exit codes: 0 done, 1 error, 2 wrong usage)";
   trajectory->footer(footer);
   trajectory->callback(
       [arguments, &chosen] { chosen = [arguments] { return Evaluate(*arguments); }; });
+  AddEvaluatePlaces(*command, chosen);
 }
 
 }  // namespace carmap

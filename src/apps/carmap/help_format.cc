@@ -35,7 +35,8 @@ std::string HelpFormat::make_usage(const CLI::App* app, std::string name) const 
   std::vector<std::string> words = {"Usage:", name.empty() ? app->get_name() : name};
   if (!app->get_subcommands({}).empty()) words.push_back("COMMAND");
   for (const CLI::Option* option : app->get_options()) {
-    if (option->get_positional()) words.push_back(option->get_name());
+    if (!option->get_positional()) continue;
+    words.push_back(option->get_name() + (option->get_items_expected_max() > 1 ? "..." : ""));
   }
   for (const bool is_required : {true, false}) {
     for (const CLI::Option* option : app->get_options()) {

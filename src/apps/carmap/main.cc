@@ -63,6 +63,7 @@ int Run(int argc, char** argv) {
   AddStitchCommand(app, chosen);
   AddInfoCommand(app, chosen);
   AddEvaluateCommand(app, chosen);
+  AddVocabularyCommand(app, chosen);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
