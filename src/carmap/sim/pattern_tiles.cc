@@ -20,43 +20,6 @@ float SignedHash(uint64_t seed, int x, int y) {
   return static_cast<float>(2 * UnitHash(seed, (uint64_t(uint32_t(y)) << 32) | uint32_t(x)) - 1);
 }
 
-/// For each of S texels: the lattice cell on either side and how far it lies between them.
-struct LatticeStep {
-  int low, high;
-  float share;
-};
-std::vector<LatticeStep> LatticeSteps(int cells) {
-  std::vector<LatticeStep> steps(S);
-  for (int i = 0; i < S; ++i) {
-    const float at = (static_cast<float>(i) + 0.5f) * static_cast<float>(cells) / S;
-    const int low = static_cast<int>(at);
-    const float t = at - static_cast<float>(low);
-    steps[i] = {low % cells, (low + 1) % cells, t * t * (3 - 2 * t)};
-  }
-  return steps;
-}
-
-/// Value noise (Perlin 1985) on a lattice of so many cells a side, within -1..1.
-Image Noise(uint64_t seed, int cells_x, int cells_y) {
-  Image lattice(cells_y, cells_x);
-  for (int y = 0; y < cells_y; ++y) {
-    for (int x = 0; x < cells_x; ++x) lattice(y, x) = SignedHash(seed, x, y);
-  }
-  const auto columns = LatticeSteps(cells_x), rows = LatticeSteps(cells_y);
-  Image noise(S, S);
-  for (int y = 0; y < S; ++y) {
-    const float* above = lattice[rows[y].low];
-    const float* below = lattice[rows[y].high];
-    for (int x = 0; x < S; ++x) {
-      const auto& [low, high, share] = columns[x];
-      const float a = above[low] + share * (above[high] - above[low]);
-      const float b = below[low] + share * (below[high] - below[low]);
-      noise(y, x) = a + rows[y].share * (b - a);
-    }
-  }
-  return noise;
-}
-
 /// With mean 0 and standard deviation 1.
 Image Standardized(const Image& image) {
   cv::Scalar mean, deviation;
@@ -64,18 +27,34 @@ Image Standardized(const Image& image) {
   return Image((image - mean[0]) / std::max(deviation[0], 1e-6));
 }
 
-/// Noise of all octaves from `cells_x` × `cells_y` up, each weaker by `persistence` than the one
-/// before; standardized.
-Image Octaves(uint64_t seed, int cells_x, int cells_y, float persistence) {
-  Image sum = Even(0);
-  float weight = 1;
-  for (uint64_t octave = 0; cells_x <= S || cells_y <= S; ++octave) {
-    sum += weight * Noise(HashKeys(seed, octave), std::min(cells_x, S), std::min(cells_y, S));
-    weight *= persistence;
-    cells_x *= 2;
-    cells_y *= 2;
+/// Noise of all wavelengths from `cells_x` × `cells_y` a tile up, each octave weaker by
+/// `persistence` than the one before: white noise under a power law, by way of its spectrum (Saupe,
+/// in The Science of Fractal Images, 1988). Standardized.
+Image Octaves(uint64_t seed, float cells_x, float cells_y, float persistence) {
+  // An octave's ring of the spectrum grows with the frequency's square.
+  const double slope = (std::log2(persistence) - 1) / 2;
+  Image amplitudes(S, S);
+  for (int y = 0; y < S; ++y) {
+    const auto fy = static_cast<float>(y < S / 2 ? y : y - S) / cells_y;
+    for (int x = 0; x < S; ++x) {
+      const auto fx = static_cast<float>(x < S / 2 ? x : x - S) / cells_x;
+      const float f2 = fx * fx + fy * fy;
+      amplitudes(y, x) = f2 < 1 ? 1e30f : f2;
+    }
   }
-  return Standardized(sum);
+  cv::pow(amplitudes, slope, amplitudes);
+  cv::Mat_<cv::Vec2f> spectrum(S, S);
+  for (int y = 0; y < S; ++y) {
+    for (int x = 0; x < S; ++x) {
+      const uint64_t bits = HashKeys(seed, uint64_t(y) << 32 | uint64_t(x));
+      spectrum(y, x) = amplitudes(y, x) * cv::Vec2f(static_cast<float>(int32_t(bits >> 32)),
+                                                    static_cast<float>(int32_t(bits)));
+    }
+  }
+  cv::Mat noise;
+  cv::dft(spectrum, noise, cv::DFT_INVERSE | cv::DFT_COMPLEX_OUTPUT);
+  cv::extractChannel(noise, noise, 0);
+  return Standardized(noise);
 }
 
 /// A rectangle or stone that a texel belongs to.
@@ -251,12 +230,13 @@ void DrawLettering(Canvas& canvas, HashSequence& random, float x, float right, f
 Image Asphalt(uint64_t seed) {
   Canvas stones(110);
   HashSequence random(seed);
-  for (int i = 0; i < 9000; ++i) {
-    const float radius = Between(random, 0.5, 1.6);
+  for (int i = 0; i < 3000; ++i) {
+    const float radius = Between(random, 0.5, 1.3);
     stones.Ellipse(Anywhere(random), {radius, radius * Between(random, 0.6, 1)},
                    Between(random, 0, 180), static_cast<int>(random.Between(30, 230)));
   }
-  return Even() + 0.17f * stones.Standardized() + 0.05f * Octaves(seed, 8, 8, 0.8f);
+  return Even() + 0.14f * stones.Standardized() + 0.26f * Octaves(seed, 128, 128, 1) +
+         0.02f * Octaves(HashKeys(seed, 1), 8, 8, 0.8f);
 }
 
 Image Paving(uint64_t seed) {
@@ -476,8 +456,8 @@ Image Road() {
       at = next;
     }
   }
-  return Even() + 0.035f * patches.Standardized() + 0.05f * lines.Standardized() +
-         0.06f * Octaves(43, 4, 4, 0.7f);
+  return Even() + 0.03f * patches.Standardized() + 0.03f * lines.Standardized() +
+         0.04f * Octaves(43, 3, 3, 0.5f);
 }
 
 }  // namespace

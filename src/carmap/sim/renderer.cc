@@ -73,6 +73,7 @@ struct Pixel {
   Vector3f normal = Vector3f::Zero(), position = Vector3f::Zero();
   float fixed = 0, ambient = 0;  ///< light: without and with the share of the sky that is open
   float open = 0, weight = 0;    ///< of the sky, as one direction tells, and what that counts
+  float openness = 0.5f;         ///< ... as the neighbours tell too
   bool sunny = false, rough = false;
 };
 
@@ -86,6 +87,7 @@ struct Batch {
   GroundCover cover[kBatch];
   TextureSpots spots;
   float brightness[kBatch];
+  float mirrored[kBatch];  ///< what glossy surfaces show of their surroundings
 };
 
 /// Of two pixels: whether both lie on one smooth piece of a surface.
@@ -121,6 +123,7 @@ class Shader {
   void Shade(Batch& batch) const {
     CastPrimary(batch);
     CastToSun(batch);
+    CastMirrored(batch);
     textures_.LookUp(batch.spots, batch.count, batch.brightness);
     for (int i = 0; i < batch.count; ++i) Illuminate(batch, i);
   }
@@ -136,6 +139,8 @@ class Shader {
  private:
   void CastPrimary(Batch& batch) const;
   void CastToSun(Batch& batch) const;
+  void CastMirrored(Batch& batch) const;
+  float MirroredLight(uint32_t instance, uint32_t triangle, const Vector3f& position) const;
   void Meet(Batch& batch, int i, uint32_t instance, uint32_t triangle) const;
   void LayFootprint(Batch& batch, int i, const Vector3f& gradient_u,
                     const Vector3f& gradient_v) const;
@@ -285,6 +290,62 @@ void Shader::CastToSun(Batch& batch) const {
   if (filled > 0) cast();
 }
 
+void Shader::CastMirrored(Batch& batch) const {
+  RTCIntersectContext context = CoherentContext();
+  alignas(32) std::array<int, kPacket> valid;
+  std::array<int, kPacket> indices;
+  std::array<Vector3f, kPacket> froms, ways;
+  RTCRayHit8 rays;
+  int filled = 0;
+  const auto cast = [&] {
+    for (int k = 0; k < kPacket; ++k) valid[k] = k < filled ? -1 : 0;
+    rtcIntersect8(valid.data(), scene_.scene(), &context, &rays);
+    for (int k = 0; k < filled; ++k) {
+      batch.mirrored[indices[k]] = rays.hit.geomID[k] == RTC_INVALID_GEOMETRY_ID
+                                       ? sky_.Mirrored(ways[k])
+                                       : MirroredLight(rays.hit.instID[0][k], rays.hit.primID[k],
+                                                       froms[k] + rays.ray.tfar[k] * ways[k]);
+    }
+    filled = 0;
+  };
+  for (int i = 0; i < batch.count; ++i) {
+    const Pixel& pixel = batch.pixel[i];
+    if (pixel.group == kSkyGroup || batch.hit[i].surface->gloss <= 0) continue;
+    const Vector3f view = batch.ray[i].normalized();
+    const Vector3f way = view - 2 * pixel.normal.dot(view) * pixel.normal;
+    const Vector3f from = pixel.position + (0.004f + 2e-4f * pixel.depth_m) * pixel.normal;
+    rays.ray.org_x[filled] = from.x();
+    rays.ray.org_y[filled] = from.y();
+    rays.ray.org_z[filled] = from.z();
+    rays.ray.dir_x[filled] = way.x();
+    rays.ray.dir_y[filled] = way.y();
+    rays.ray.dir_z[filled] = way.z();
+    rays.ray.tnear[filled] = 0;
+    rays.ray.tfar[filled] = kFar;
+    rays.ray.time[filled] = 0;
+    rays.ray.mask[filled] = ~0u;
+    rays.ray.id[filled] = rays.ray.flags[filled] = 0;
+    rays.hit.geomID[filled] = rays.hit.instID[0][filled] = RTC_INVALID_GEOMETRY_ID;
+    froms[filled] = from;
+    ways[filled] = way;
+    indices[filled++] = i;
+    if (filled == kPacket) cast();
+  }
+  if (filled > 0) cast();
+}
+
+/// Of a thing seen in a mirror: without texture and shadows.
+float Shader::MirroredLight(uint32_t instance, uint32_t triangle, const Vector3f& position) const {
+  const RayHit hit = scene_.HitAt(instance, triangle, position);
+  float albedo = hit.surface->albedo * hit.placement->shade;
+  if (hit.surface->pattern == Pattern::kGround) {
+    const Vector2f origin = scene_.origin_in_enu().head<2>().cast<float>();
+    albedo = ground_->CoverAt(position.head<2>() + origin, {0.3f, 0.3f}).albedo;
+  }
+  const float facing = std::max(0.f, hit.normal.dot(to_sun_));
+  return albedo * static_cast<float>(0.7 * light_.sun * facing + 0.6 * light_.sky);
+}
+
 void Shader::CastToSky(const std::vector<SkySample>& samples, Batch& batch) const {
   RTCIntersectContext context = CoherentContext();
   alignas(32) std::array<int, kPacket> valid;
@@ -353,7 +414,7 @@ void Shader::Illuminate(Batch& batch, int i) const {
     const float graze = 1 - cosine, graze2 = graze * graze;
     const float share = surface.gloss + (1 - surface.gloss) * graze2 * graze2 * graze;
     reflectance *= 1 - share;
-    mirrored = share * sky_.Mirrored(view - 2 * pixel.normal.dot(view) * pixel.normal);
+    mirrored = share * batch.mirrored[i];
   }
   const float clear = std::exp(-pixel.depth_m / kHazeM);
   pixel.fixed = clear * (reflectance * fixed + mirrored) + (1 - clear) * sky_.haze();
@@ -513,7 +574,7 @@ void Painting::StoreTruth(const Batch& batch, int i) {
 void Painting::OpenSky(const cv::Rect& tile) {
   for (int y = tile.y; y < tile.br().y; ++y) {
     for (int x = tile.x; x < tile.br().x; ++x) {
-      const Pixel& pixel = At(x, y);
+      Pixel& pixel = At(x, y);
       float open = 0, weight = 0;
       if (pixel.group != kSkyGroup) {
         for (int j = std::max(y - 2, 0); j <= std::min(y + 2, height_ - 1); ++j) {
@@ -527,8 +588,8 @@ void Painting::OpenSky(const cv::Rect& tile) {
           }
         }
       }
-      const float openness = weight > 0 ? open / weight : 0.5f;
-      result_.radiance.at<float>(y, x) = pixel.fixed + openness * pixel.ambient;
+      if (weight > 0) pixel.openness = open / weight;
+      result_.radiance.at<float>(y, x) = pixel.fixed + pixel.openness * pixel.ambient;
     }
   }
 }
@@ -560,16 +621,16 @@ void Painting::RefineEdges(const cv::Rect& tile, Batch& batch) {
 }
 
 float Painting::OpenShare(const Pixel& sample, const cv::Point& at) {
-  float open = 0, weight = 0;
+  float sum = 0, count = 0;
   for (int j = std::max(at.y - 1, 0); j <= std::min(at.y + 1, height_ - 1); ++j) {
     for (int i = std::max(at.x - 1, 0); i <= std::min(at.x + 1, width_ - 1); ++i) {
       const Pixel& other = At(i, j);
       if (!Neighbourly(sample, other)) continue;
-      open += other.open;
-      weight += other.weight;
+      sum += other.openness;
+      ++count;
     }
   }
-  return weight > 0 ? open / weight : 0.5f;
+  return count > 0 ? sum / count : 0.5f;
 }
 
 void Painting::Refine(const std::vector<cv::Point>& edges, Batch& batch) {

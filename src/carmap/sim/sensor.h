@@ -12,9 +12,9 @@ namespace carmap {
 
 struct SensorOptions {
   double exposure_s = 0.002;   ///< shutter; with the motion it makes the blur
-  double blur_sigma_px = 0.5;  ///< of lens and interpolation by rectification
+  double blur_sigma_px = 0.4;  ///< of lens and interpolation by rectification
   double read_noise = 1.0;     ///< grey values, at gain 1
-  double shot_noise = 0.08;    ///< grey values, per square root of the grey value
+  double shot_noise = 0.15;    ///< grey values, per square root of the grey value
   uint64_t seed = 1;
 };
 

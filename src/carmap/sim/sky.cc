@@ -110,18 +110,10 @@ float Sky::Radiance(const Eigen::Vector3f& direction, float pixel_rad) const {
 }
 
 float Sky::Mirrored(const Eigen::Vector3f& direction) const {
-  const float z = direction.z();
-  if (z < -0.02f) return ground_;
-  constexpr float kFronts = 40;
-  const auto front = static_cast<uint64_t>(Azimuth(direction) * kFronts);
-  const auto height = static_cast<float>(0.08 + 0.4 * UnitHash(light_.cloud_seed, front));
-  if (z < height) {
-    const auto albedo = static_cast<float>(0.05 + 0.5 * UnitHash(light_.cloud_seed, front + 100));
-    return albedo * static_cast<float>(0.5 * light_.sky + 0.3 * light_.sun);
-  }
+  if (direction.z() < 0) return ground_;
   const float sun = direction.dot(to_sun_);
-  const float disc = sun > 0.99f ? static_cast<float>(light_.sun) * 12 * (sun - 0.99f) * 100 : 0;
-  return scale_ * Dome(direction) + disc;
+  const float glare = sun > 0.99f ? static_cast<float>(light_.sun) * 12 * (sun - 0.99f) * 100 : 0;
+  return scale_ * Dome(direction) + glare;
 }
 
 }  // namespace carmap

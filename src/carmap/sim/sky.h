@@ -17,7 +17,7 @@ class Sky {
 
   /// Radiance from a direction of unit length; `pixel_rad` is the angle that it stands for.
   float Radiance(const Eigen::Vector3f& direction, float pixel_rad) const;
-  /// The surroundings as a shiny thing in a street shows them: sky, sun, house fronts, ground.
+  /// As it is mirrored: with the glare of the sun.
   float Mirrored(const Eigen::Vector3f& direction) const;
   /// What distant things fade to.
   float haze() const { return haze_; }

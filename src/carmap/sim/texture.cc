@@ -6,9 +6,10 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <cstring>
-#include <opencv2/core/mat.hpp>
+#include <functional>
+#include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
+#include <utility>
 
 #include "carmap/sim/pattern_tiles.h"
 #include "carmap/sim/random.h"
@@ -24,8 +25,9 @@ using I = hn::Vec<Ints>;
 
 constexpr int kLevels = std::bit_width(unsigned{kTileSize});
 constexpr int kMaxLooks = 10;
+/// Of the width that a pixel covers: interpolation widens each look by about a texel more.
+constexpr float kSharpness = 0.65f;
 constexpr int kPatterns = static_cast<int>(Pattern::kGround) + 1;
-constexpr int kFigures = 12;  ///< of each pattern whose seeds choose a picture
 constexpr float kMacroTileM = 512.f / 37;
 constexpr float kUnit = 128;  ///< value of a texel as bright as the mean
 
@@ -39,21 +41,32 @@ constexpr std::array<int32_t, kLevels + 1> LevelOffsets() {
 }
 constexpr auto kLevelOffsets = LevelOffsets();
 
-bool HasFigures(Pattern pattern) {
-  return pattern == Pattern::kSign || pattern == Pattern::kPoster || pattern == Pattern::kCurtain;
+/// How many pictures there are of a pattern, for seeds to choose from.
+int FiguresOf(Pattern pattern) {
+  if (pattern == Pattern::kSign || pattern == Pattern::kPoster) return 10;
+  return pattern == Pattern::kCurtain ? 4 : 1;
 }
 
 void StoreQuads(const cv::Mat& level, uint32_t* quads) {
   cv::Mat_<uint8_t> bytes;
   level.convertTo(bytes, CV_8U, kUnit);
-  const int size = bytes.rows;
+  cv::copyMakeBorder(bytes, bytes, 0, 1, 0, 1, cv::BORDER_WRAP);
+  const int size = level.rows;
   for (int y = 0; y < size; ++y) {
     const uint8_t* row = bytes[y];
-    const uint8_t* below = bytes[(y + 1) % size];
+    const uint8_t* below = bytes[y + 1];
     for (int x = 0; x < size; ++x) {
-      const int right = (x + 1) % size;
-      *quads++ = row[x] | row[right] << 8 | below[x] << 16 | uint32_t{below[right]} << 24;
+      *quads++ = row[x] | row[x + 1] << 8 | below[x] << 16 | uint32_t{below[x + 1]} << 24;
     }
+  }
+}
+
+/// A picture and its mip maps.
+void StoreTile(const cv::Mat& tile, uint32_t* quads) {
+  cv::Mat level = tile;
+  for (int i = 0; i < kLevels; ++i) {
+    StoreQuads(level, quads + kLevelOffsets[i]);
+    if (i + 1 < kLevels) cv::resize(level, level, {}, 0.5, 0.5, cv::INTER_AREA);
   }
 }
 
@@ -97,53 +110,49 @@ const Textures& Textures::Get() {
 }
 
 Textures::Textures() : layers_(kPatterns) {
-  struct Task {
-    Pattern pattern;
-    uint32_t variant;
-    cv::Mat tile;
-  };
-  std::vector<Task> tasks;
+  std::vector<std::function<cv::Mat()>> tiles;
   for (int p = 0; p < kPatterns; ++p) {
     const auto pattern = static_cast<Pattern>(p);
-    layers_[p].first_tile = static_cast<int>(tasks.size());
-    layers_[p].variants = HasFigures(pattern) ? kFigures : 1;
+    layers_[p].first_tile = static_cast<int>(tiles.size());
+    layers_[p].variants = FiguresOf(pattern);
     for (int v = 0; v < layers_[p].variants; ++v) {
-      tasks.push_back({pattern, static_cast<uint32_t>(v), {}});
+      tiles.emplace_back([=] { return DrawPatternTile(pattern, static_cast<uint32_t>(v)); });
     }
   }
-  tbb::parallel_for(size_t{0}, tasks.size(), [&](size_t i) {
-    tasks[i].tile = DrawPatternTile(tasks[i].pattern, tasks[i].variant);
-  });
-  for (const Task& task : tasks) AddTile(task.tile);
-
-  std::array<int, 3> macro_tiles{};
-  for (int kind = 0; kind < 3; ++kind) {
-    macro_tiles[kind] = AddTile(DrawMacroTile(static_cast<MacroTile>(kind)));
-  }
-  const auto set_macro = [&](MacroTile kind, float share, std::initializer_list<Pattern> patterns) {
-    for (const Pattern pattern : patterns) {
-      layers_[static_cast<int>(pattern)].macro_tile = macro_tiles[static_cast<int>(kind)];
+  const auto add_macro = [&](MacroTile kind,
+                             std::initializer_list<std::pair<Pattern, float>> shares) {
+    for (const auto& [pattern, share] : shares) {
+      layers_[static_cast<int>(pattern)].macro_tile = static_cast<int>(tiles.size());
       layers_[static_cast<int>(pattern)].macro_share = share;
     }
+    tiles.emplace_back([=] { return DrawMacroTile(kind); });
   };
   using enum Pattern;
-  set_macro(MacroTile::kRoad, 1, {kAsphalt});
-  set_macro(MacroTile::kStreaks, 0.4f, {kConcrete, kPlaster, kStone, kBrick, kMetal});
-  set_macro(MacroTile::kStains, 1, {kGrass, kSoil, kGravel, kLeaves});
-  set_macro(MacroTile::kStains, 0.5f, {kPaving, kCobbles, kRoofTiles, kWood, kBark, kFabric});
-  set_macro(MacroTile::kStains, 0.2f,
-            {kPlain, kCarPaint, kGlass, kRubber, kSkin, kSign, kPoster, kCurtain, kGround});
-}
-
-int Textures::AddTile(const cv::Mat& tile) {
-  cv::Mat level = tile.clone();
-  const size_t first = quads_.size();
-  quads_.resize(first + kLevelOffsets[kLevels]);
-  for (int i = 0; i < kLevels; ++i) {
-    StoreQuads(level, &quads_[first + kLevelOffsets[i]]);
-    if (i + 1 < kLevels) cv::resize(level, level, {}, 0.5, 0.5, cv::INTER_AREA);
-  }
-  return static_cast<int>(first / kLevelOffsets[kLevels]);
+  add_macro(MacroTile::kRoad, {{kAsphalt, 1.f}});
+  add_macro(MacroTile::kStreaks,
+            {{kConcrete, 0.4f}, {kPlaster, 0.25f}, {kStone, 0.4f}, {kBrick, 0.4f}, {kMetal, 0.3f}});
+  add_macro(MacroTile::kStains, {{kGrass, 1.f},
+                                 {kSoil, 1.f},
+                                 {kGravel, 1.f},
+                                 {kLeaves, 1.f},
+                                 {kPaving, 0.5f},
+                                 {kCobbles, 0.5f},
+                                 {kWood, 0.4f},
+                                 {kRoofTiles, 0.5f},
+                                 {kBark, 0.5f},
+                                 {kFabric, 0.3f},
+                                 {kPlain, 0.2f},
+                                 {kCarPaint, 0.15f},
+                                 {kGlass, 0.1f},
+                                 {kRubber, 0.2f},
+                                 {kSkin, 0.1f},
+                                 {kSign, 0.1f},
+                                 {kPoster, 0.1f},
+                                 {kCurtain, 0.2f},
+                                 {kGround, 1.f}});
+  quads_.resize(tiles.size() * kLevelOffsets[kLevels]);
+  tbb::parallel_for(size_t{0}, tiles.size(),
+                    [&](size_t i) { StoreTile(tiles[i](), &quads_[i * kLevelOffsets[kLevels]]); });
 }
 
 void Textures::LookUpTiles(const TextureSpots& spots, const Looks& looks, int count,
@@ -162,7 +171,8 @@ void Textures::LookUpTiles(const TextureSpots& spots, const Looks& looks, int co
     const F minor = hn::Max(hn::Mul(hn::Load(f, spots.minor_m + k), scale), one);
     const F looks_wanted =
         hn::Min(hn::Max(hn::Ceil(hn::Div(major, minor)), one), hn::Set(f, kMaxLooks));
-    const F width = hn::Max(minor, hn::Div(major, looks_wanted));
+    const F width =
+        hn::Max(hn::Mul(hn::Max(minor, hn::Div(major, looks_wanted)), hn::Set(f, kSharpness)), one);
     // log2(width), linear between powers of two.
     const I bits = hn::BitCast(i, width);
     const I octave = hn::Sub(hn::ShiftRight<23>(bits), hn::Set(i, 127));

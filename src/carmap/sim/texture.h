@@ -10,10 +10,6 @@
 
 #include "carmap/sim/mesh.h"
 
-namespace cv {
-class Mat;
-}
-
 namespace carmap {
 
 /// Places on surfaces and how much of them a pixel covers there: a structure of arrays.
@@ -46,8 +42,6 @@ class Textures {
   struct Looks;
 
   Textures();
-  /// Appends a picture and its mip maps, and returns its number.
-  int AddTile(const cv::Mat& tile);
   void LookUpTiles(const TextureSpots& spots, const Looks& looks, int count, float* value) const;
 
   std::vector<Layers> layers_;  ///< by pattern
