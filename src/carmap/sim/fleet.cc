@@ -1,0 +1,48 @@
+#include "carmap/sim/fleet.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "carmap/sim/models.h"
+
+namespace carmap {
+
+Fleet::Fleet() {
+  for (const std::string_view kind : VehicleKinds()) {
+    const uint32_t phases = VehiclePhases(kind), variants = VehicleVariants(kind);
+    for (uint32_t look = 0; look < variants / phases; ++look) {
+      Body body{.kind = kind,
+                .first_model = static_cast<uint32_t>(models_.size()),
+                .phases = phases,
+                .cycle_m = VehicleCycleM(kind)};
+      for (uint32_t phase = 0; phase < phases; ++phase) {
+        Model model = MakeVehicle(kind, look * phases + phase);
+        body.length_m = std::max<double>(body.length_m, model.length_m);
+        body.width_m = std::max<double>(body.width_m, model.width_m);
+        models_.push_back(std::move(model.mesh));
+      }
+      bodies_.push_back(body);
+    }
+  }
+}
+
+uint32_t Fleet::Draw(std::span<const KindWeight> mix, HashSequence& random) const {
+  double total = 0;
+  for (const KindWeight& entry : mix) total += entry.weight;
+  double rest = random.Unit() * total;
+  std::string_view kind = mix.back().kind;
+  for (const KindWeight& entry : mix) {
+    if (rest < entry.weight) {
+      kind = entry.kind;
+      break;
+    }
+    rest -= entry.weight;
+  }
+  const auto has_kind = [&](const Body& body) { return body.kind == kind; };
+  const auto first = std::find_if(bodies_.begin(), bodies_.end(), has_kind);
+  const auto looks = static_cast<uint32_t>(std::count_if(first, bodies_.end(), has_kind));
+  return static_cast<uint32_t>(first - bodies_.begin()) + random.Below(looks);
+}
+
+}  // namespace carmap
