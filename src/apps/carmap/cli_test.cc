@@ -294,6 +294,7 @@ TEST_F(CliTest, TrainsAVocabularyTheSameEachTime) {
       Run({"evaluate", "places", "../drive", "--vocabulary", "a.cmvoc", "--json"});
   ASSERT_EQ(places.exit_code, 0) << places.err;
   EXPECT_EQ(nlohmann::json::parse(places.out)["keyframes"], 6) << "2.4 m apart";
+  EXPECT_EQ(nlohmann::json::parse(places.out)["revisits"], 0);
 }
 
 TEST_F(CliTest, RefusesVocabulariesThatItCannotTrainOrRead) {
@@ -314,6 +315,10 @@ TEST_F(CliTest, RefusesVocabulariesThatItCannotTrainOrRead) {
   ExpectRefusedAtOnce({"vocabulary", "info", "../base.cmap"}, "not a carmap vocabulary");
   ExpectRefusedAtOnce({"evaluate", "places", "../drive", "--vocabulary", "../base.cmap"},
                       "not a carmap vocabulary");
+  fs::remove(CopyOfDrive() / "poses.txt");
+  ASSERT_EQ(Run(train({"--out", "v.cmvoc", "--branching", "5", "--depth", "2"})).exit_code, 0);
+  ExpectRefusedAtOnce({"evaluate", "places", "../drive", "../damaged", "--vocabulary", "v.cmvoc"},
+                      "../damaged: has no poses.txt");
 }
 
 // Wrong usage.

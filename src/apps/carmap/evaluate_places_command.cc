@@ -24,39 +24,54 @@ namespace carmap {
 namespace {
 
 struct Arguments {
-  std::string drive, vocabulary;
+  std::vector<std::string> drives;
+  std::string vocabulary;
   double spacing_m = 2;
   bool json = false;
 };
 
-struct ViewedDrive {
+struct ViewedDrives {
   std::vector<ViewedPlace> places;
   std::vector<double> histogram_ms;
 };
 
+bool IsFarFromLast(const Rigid3& pose, const std::vector<ViewedPlace>& places, double spacing_m) {
+  return places.empty() ||
+         (pose.translation - places.back().world_from_camera.translation).norm() >= spacing_m;
+}
+
 /// Keyframes by the truth's path, as a mapper would take them.
-absl::StatusOr<ViewedDrive> ViewPlaces(KittiDrive& drive, const Vocabulary& vocabulary,
-                                       double spacing_m) {
-  ViewedDrive viewed;
+absl::Status ViewPlaces(KittiDrive& drive, const Vocabulary& vocabulary, double spacing_m,
+                        ViewedDrives& viewed) {
   Progress progress("reading images", drive.frame_count());
   ReadAhead frames(drive, /*sequential=*/false);
   for (size_t i = 0;; ++i) {
     CARMAP_ASSIGN_OR_RETURN(const std::optional<StereoFrame> frame, frames.Next());
-    if (!frame) return viewed;
-    progress.Update(i);
+    if (!frame) return absl::OkStatus();
+    progress.Update(i + 1);
     const auto& pose = drive.truth()[i].world_from_camera;
-    const auto& places = viewed.places;
-    if (!pose ||
-        (!places.empty() &&
-         (pose->translation - places.back().world_from_camera.translation).norm() < spacing_m)) {
-      continue;
-    }
+    if (!pose || !IsFarFromLast(*pose, viewed.places, spacing_m)) continue;
     const std::vector<Feature> features = ExtractOrb(BuildPyramid(frame->left), {});
     const Stopwatch watch;
     WordHistogram histogram = HistogramOf(vocabulary, features);
     viewed.histogram_ms.push_back(watch.ElapsedMs());
     viewed.places.push_back({std::move(histogram), *pose});
   }
+}
+
+absl::StatusOr<std::vector<std::unique_ptr<KittiDrive>>> OpenWithTruth(
+    const std::vector<std::string>& folders) {
+  std::vector<std::unique_ptr<KittiDrive>> drives;
+  for (const std::string& folder : folders) {
+    CARMAP_ASSIGN_OR_RETURN(auto drive, KittiDrive::Open(folder));
+    if (drive->truth().empty()) {
+      return absl::FailedPreconditionError(fmt::format(
+          "{}: has no poses.txt to tell which places are the same; name a drive with ground truth",
+          folder));
+    }
+    drives.push_back(std::move(drive));
+  }
+  return drives;
 }
 
 void Print(const PlaceRecognition& result, const Summary& histogram_ms) {
@@ -89,14 +104,11 @@ nlohmann::ordered_json ToJson(const PlaceRecognition& result, const Summary& his
 
 absl::StatusOr<ExitCode> EvaluatePlaces(const Arguments& arguments) {
   CARMAP_ASSIGN_OR_RETURN(const Vocabulary vocabulary, ReadVocabulary(arguments.vocabulary));
-  CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive));
-  if (drive->truth().empty()) {
-    return absl::FailedPreconditionError(fmt::format(
-        "{}: has no poses.txt to tell which places are the same; name a drive with ground truth",
-        arguments.drive));
+  CARMAP_ASSIGN_OR_RETURN(const auto drives, OpenWithTruth(arguments.drives));
+  ViewedDrives viewed;
+  for (const auto& drive : drives) {
+    CARMAP_RETURN_IF_ERROR(ViewPlaces(*drive, vocabulary, arguments.spacing_m, viewed));
   }
-  CARMAP_ASSIGN_OR_RETURN(const ViewedDrive viewed,
-                          ViewPlaces(*drive, vocabulary, arguments.spacing_m));
   const PlaceRecognition result = EvaluatePlaceRecognition(viewed.places, vocabulary.word_count());
   const Summary histogram_ms = Summarize(viewed.histogram_ms);
   if (arguments.json) {
@@ -113,7 +125,10 @@ void AddEvaluatePlaces(CLI::App& evaluate, Command& chosen) {
   CLI::App* command = evaluate.add_subcommand(
       "places", "How well a vocabulary recognizes where a drive comes back to");
   const auto arguments = std::make_shared<Arguments>();
-  command->add_option("DRIVE", arguments->drive, "Folder of a drive with poses.txt")->required();
+  command
+      ->add_option("DRIVE", arguments->drives,
+                   "Folders of drives with poses.txt, those of several in one frame")
+      ->required();
   command->add_option("--vocabulary", arguments->vocabulary, "The vocabulary")
       ->required()
       ->type_name("V.cmvoc");
@@ -126,11 +141,13 @@ void AddEvaluatePlaces(CLI::App& evaluate, Command& chosen) {
   command->footer(fmt::format(
       R"(Each keyframe is compared, by words alone, with all from {:.0f} m and more before it on the path. Where
 one of these stands within {:.0f} m and looks the same way, the road was driven before: then the place
-counts as found if a candidate stands within {:.0f} m. The last line of the places says how many first
-candidates are right and more similar, relative to the keyframe before, than any wrong one.
+counts as found if a candidate stands within {:.0f} m. "Without error" are the first candidates that are
+right and more similar, relative to the keyframe before, than any wrong one. Several drives count as
+one, so that a later one looks for its places in those before.
 
-Example:
-  carmap evaluate places suburb --vocabulary roads.cmvoc
+Examples:
+  carmap evaluate places loop --vocabulary roads.cmvoc
+  carmap evaluate places sunny overcast --vocabulary roads.cmvoc
 
 Exit codes: 0 done, 1 error, 2 wrong usage)",
       options.recent_m, options.revisit_m, options.same_place_m));
