@@ -36,6 +36,7 @@ class MeshBuilder {
 
   /// Where what is added next lies. It may scale and mirror; uv are taken before that.
   void SetFrame(const Eigen::Affine3f& model_from_local);
+  const Eigen::Affine3f& frame() const { return model_from_local_; }
 
   uint32_t AddVertex(const Eigen::Vector3f& p_in_local, const Eigen::Vector2f& uv_m);
   /// Counter-clockwise seen from outside.

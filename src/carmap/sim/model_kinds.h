@@ -25,6 +25,9 @@ std::span<const ModelKind> SignKinds();
 std::span<const ModelKind> FurnitureKinds();
 std::span<const ModelKind> BarrierKinds();
 std::span<const ModelKind> RoadWorkKinds();
+std::span<const ModelKind> CarKinds();
+std::span<const ModelKind> LongVehicleKinds();
+std::span<const ModelKind> PeopleKinds();
 
 /// How far posts and trunks reach into the earth.
 inline constexpr float kFootingM = 0.4f;

@@ -27,7 +27,8 @@ const Kinds& Props() {
 }
 
 const Kinds& Vehicles() {
-  static const auto* const kVehicles = new Kinds();
+  static const auto* const kVehicles =
+      new Kinds(Joined({CarKinds(), LongVehicleKinds(), PeopleKinds()}));
   return *kVehicles;
 }
 

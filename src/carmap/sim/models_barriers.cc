@@ -48,7 +48,7 @@ Mesh Fence(uint32_t variant) {
   } else if (variant == 2) {  // level boards
     for (int i = 0; i < 5; ++i) {
       const float z = 0.1f + 0.2f * static_cast<float>(i);
-      b.Box({-1, 0.02f, z}, {1, 0.045f, z + 0.14f}, wood);
+      AddBar(b, {-1, 0.032f, z + 0.07f}, {1, 0.032f, z + 0.07f}, 0.025f, 0.14f, wood);
     }
   } else {  // iron bars with points, on a low wall
     const SurfaceIdx wall = b.Use({Pattern::kStone, 0.4f, 1, 0, kFence});

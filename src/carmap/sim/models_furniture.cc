@@ -157,13 +157,14 @@ Mesh Bench(uint32_t variant) {
   const SurfaceIdx iron = b.Use(Steel(0.1f, kUnlabelled));
   for (int i = 0; i < 4; ++i) {  // the seat
     const float y = -0.2f + 0.12f * static_cast<float>(i);
-    b.Box({-0.9f, y, 0.43f}, {0.9f, y + 0.09f, 0.46f}, wood);
+    AddBar(b, {-0.9f, y + 0.045f, 0.445f}, {0.9f, y + 0.045f, 0.445f}, 0.09f, 0.03f, wood);
   }
   if (variant == 0) {
     for (int i = 0; i < 3; ++i) {
       const float z = 0.55f + 0.12f * static_cast<float>(i),
                   y = -0.24f - 0.04f * static_cast<float>(i);
-      b.Box({-0.9f, y - 0.03f, z}, {0.9f, y, z + 0.09f}, wood);
+      AddBar(b, {-0.9f, y - 0.015f, z + 0.045f}, {0.9f, y - 0.015f, z + 0.045f}, 0.03f, 0.09f,
+             wood);
     }
   }
   for (const float x : {-0.7f, 0.7f}) {

@@ -89,7 +89,7 @@ Mesh RoadBarrier(uint32_t variant) {
     const float top = 1.05f - 0.5f * static_cast<float>(i);
     b.Box({-0.035f, -1, top - 0.25f}, {-0.022f, 1, top}, white);
     AddStripes(b, -0.037f, 1, top - 0.25f, top, 0.2f, 1, red, white);
-    AddStripes(b, 0.024f, 1, top - 0.25f, top, 0.2f, -1, red, white);
+    AddStripes(b, -0.02f, 1, top - 0.25f, top, 0.2f, -1, red, white);
   }
   return std::move(b).Build();
 }
