@@ -19,6 +19,9 @@ struct GroundCover {
   SemanticClass label = SemanticClass::kTerrain;
 };
 
+/// Sidewalks are raised by a kerb above GroundMap's height.
+constexpr double kSidewalkHeightM = 0.12;
+
 class GroundMap {
  public:
   virtual ~GroundMap() = default;

@@ -9,8 +9,6 @@
 
 namespace carmap {
 
-constexpr double kSidewalkHeightM = 0.12;
-
 /// Into the site's tiles; out to the skyline.
 void AddTerrain(Site& site);
 

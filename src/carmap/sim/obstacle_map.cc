@@ -72,17 +72,11 @@ uint64_t ObstacleMap::KeyOf(const Eigen::Vector2d& p_in_enu) {
 void ObstacleMap::AddPoint(const Eigen::Vector2d& p_in_enu) { cells_.insert(KeyOf(p_in_enu)); }
 
 void ObstacleMap::Add(const GroundBox& box) {
-  const Eigen::Vector2d forward = box.Forward(), left(-forward.y(), forward.x());
-  const auto along_steps = static_cast<int>(std::ceil(2 * box.half_length_m / (kCellM / 2)));
-  const auto across_steps = static_cast<int>(std::ceil(2 * box.half_width_m / (kCellM / 2)));
+  const auto along_steps = static_cast<int>(std::ceil(4 * box.half_length_m / kCellM)) + 1;
+  const auto across_steps = static_cast<int>(std::ceil(4 * box.half_width_m / kCellM)) + 1;
   for (int i = 0; i <= along_steps; ++i) {
-    for (int k = 0; k <= across_steps; ++k) {
-      const double along = std::lerp(-box.half_length_m, box.half_length_m,
-                                     static_cast<double>(i) / std::max(along_steps, 1));
-      const double across = std::lerp(-box.half_width_m, box.half_width_m,
-                                      static_cast<double>(k) / std::max(across_steps, 1));
-      AddPoint(box.centre_in_enu + along * forward + across * left);
-    }
+    for (int k = 0; k <= across_steps; ++k)
+      AddPoint(box.At(2.0 * i / along_steps - 1, 2.0 * k / across_steps - 1));
   }
 }
 

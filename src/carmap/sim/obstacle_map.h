@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <unordered_set>
 
-#include "carmap/sim/ground_box.h"
+#include "carmap/sim/occupancy.h"
 #include "carmap/sim/world.h"
 
 namespace carmap {

@@ -50,11 +50,13 @@ Eigen::Vector2d GroundBox::At(double forward, double left) const {
          left * half_width_m * Eigen::Vector2d(-axis.y(), axis.x());
 }
 
-GroundBox GroundBox::Grown(double margin_m) const {
-  return {centre_in_enu, heading_rad, half_length_m + margin_m, half_width_m + margin_m};
+GroundBox GroundBox::Grown(double ahead_and_behind_m, double aside_m) const {
+  return {centre_in_enu, heading_rad, half_length_m + ahead_and_behind_m, half_width_m + aside_m};
 }
 
 bool Overlap(const GroundBox& a, const GroundBox& b) {
+  const double reach_m = a.half_length_m + a.half_width_m + b.half_length_m + b.half_width_m;
+  if ((b.centre_in_enu - a.centre_in_enu).squaredNorm() > reach_m * reach_m) return false;
   return OverlapAlongAxesOf(a, b) && OverlapAlongAxesOf(b, a);
 }
 

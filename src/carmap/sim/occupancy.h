@@ -16,7 +16,8 @@ struct GroundBox {
   Eigen::Vector2d Forward() const;
   /// At shares of the half sizes, -1..1.
   Eigen::Vector2d At(double forward, double left) const;
-  GroundBox Grown(double margin_m) const;
+  GroundBox Grown(double margin_m) const { return Grown(margin_m, margin_m); }
+  GroundBox Grown(double ahead_and_behind_m, double aside_m) const;
 };
 
 bool Overlap(const GroundBox& a, const GroundBox& b);

@@ -6,15 +6,14 @@
 #include <deque>
 #include <limits>
 #include <optional>
-#include <unordered_map>
 #include <utility>
 
 #include "carmap/sim/ego_track.h"
 #include "carmap/sim/fleet.h"
-#include "carmap/sim/ground_box.h"
 #include "carmap/sim/ground_map.h"
 #include "carmap/sim/lane_line.h"
 #include "carmap/sim/obstacle_map.h"
+#include "carmap/sim/occupancy.h"
 #include "carmap/sim/random.h"
 #include "carmap/sim/traffic_flow.h"
 #include "carmap/sim/walkers.h"
@@ -84,48 +83,21 @@ bool IsDrivenByEgo(double left_m, double lane_width_m, const EgoTrack& ego) {
 // --- Nobody runs into anybody ---
 
 /// Outlines of what is taken already, at rest or at each step.
-class Occupancy {
+class Timetable {
  public:
-  explicit Occupancy(size_t steps) : moving_(steps) {}
+  explicit Timetable(size_t steps) : moving_(steps) {}
 
-  void AddAtRest(const GroundBox& box) {
-    for (const uint64_t key : KeysAround(box.centre_in_enu, 0)) at_rest_[key].push_back(box);
-  }
+  void AddAtRest(const GroundBox& box) { at_rest_.Add(box); }
   void Add(size_t step, const GroundBox& box) { moving_[step].push_back(box); }
-
-  bool IsFreeAtRest(const GroundBox& box) const {
-    for (const uint64_t key : KeysAround(box.centre_in_enu, 1)) {
-      const auto cell = at_rest_.find(key);
-      if (cell == at_rest_.end()) continue;
-      for (const GroundBox& other : cell->second) {
-        if (Overlap(box, other)) return false;
-      }
-    }
-    return true;
-  }
   bool IsFree(size_t step, const GroundBox& box) const {
-    return IsFreeAtRest(box) &&
+    return at_rest_.IsFree(box) &&
            std::none_of(moving_[step].begin(), moving_[step].end(),
                         [&](const GroundBox& other) { return Overlap(box, other); });
   }
 
  private:
-  static constexpr double kCellM = 12;  // more than half of the longest two
-
-  static std::vector<uint64_t> KeysAround(const Eigen::Vector2d& p, int reach) {
-    const auto x = static_cast<int64_t>(std::floor(p.x() / kCellM));
-    const auto y = static_cast<int64_t>(std::floor(p.y() / kCellM));
-    std::vector<uint64_t> keys;
-    for (int64_t i = x - reach; i <= x + reach; ++i) {
-      for (int64_t k = y - reach; k <= y + reach; ++k) {
-        keys.push_back((static_cast<uint64_t>(i) << 32) ^ (static_cast<uint64_t>(k) & 0xffffffffu));
-      }
-    }
-    return keys;
-  }
-
+  Occupancy at_rest_;
   std::vector<std::vector<GroundBox>> moving_;
-  std::unordered_map<uint64_t, std::vector<GroundBox>> at_rest_;  // looked up, never iterated
 };
 
 // --- How it looks ---
@@ -156,13 +128,13 @@ struct Traffic::Impl {
     track_.emplace(route_, ego);
     Park();
     if (density == TrafficDensity::kParked) return;
-    Occupancy occupancy = OccupiedByParkedAndEgo();
+    Timetable timetable = TimetableOfEgo();
     const ObstacleMap standing(*world_);
     // In this order: whoever is in the way of an earlier one is left out, or is a smaller one.
-    DriveAhead(occupancy);
-    DriveInLanes(standing, occupancy);
-    Cycle(standing, occupancy);
-    Walk(standing, occupancy);
+    DriveAhead(timetable);
+    DriveInLanes(standing, timetable);
+    Cycle(standing, timetable);
+    Walk(standing, timetable);
   }
 
   std::vector<Placement> At(size_t frame_idx) const {
@@ -203,9 +175,9 @@ struct Traffic::Impl {
   // --- Parked ones ---
 
   void Park() {
-    Occupancy taken(0);
+    Occupancy taken;
     for (const EgoTrack::Instant& instant : track_->instants()) {
-      taken.AddAtRest(EgoOutline(instant).GrownBy(0.3, 0.1));
+      taken.Add(EgoOutline(instant).Grown(0.3, 0.1));
     }
     for (size_t i = 0; i < world_->parking.size(); ++i) {
       HashSequence random(HashKeys(seed_, kParkedOnes), i);
@@ -215,8 +187,8 @@ struct Traffic::Impl {
       Placement placement = ParkedAt(place, place.length_m - body.length_m, random);
       const GroundBox box{placement.position_in_enu.head<2>(), placement.heading_rad,
                           body.length_m / 2, body.width_m / 2};
-      if (!taken.IsFreeAtRest(box.GrownBy(0.15, 0.05)) || !NextInstance(placement)) continue;
-      taken.AddAtRest(box);
+      if (!taken.IsFree(box.Grown(0.15, 0.05)) || !NextInstance(placement)) continue;
+      taken.Add(box);
       placement.model_idx = first_model_idx_ + body.first_model;
       placement.mobility = Mobility::kParked;
       parked_.push_back(placement);
@@ -270,14 +242,14 @@ struct Traffic::Impl {
     return OutlineOf(body, route_, {direction * instant.progress_m, instant.left_m}, direction);
   }
 
-  Occupancy OccupiedByParkedAndEgo() const {
-    Occupancy occupancy(track_->instants().size());
-    for (const GroundBox& box : parked_boxes_) occupancy.AddAtRest(box);
+  Timetable TimetableOfEgo() const {
+    Timetable timetable(track_->instants().size());
+    for (const GroundBox& box : parked_boxes_) timetable.AddAtRest(box);
     for (size_t step = 0; step < track_->instants().size(); ++step) {
       const EgoTrack::Instant& instant = track_->instants()[step];
-      occupancy.Add(step, EgoOutline(instant).GrownBy(0.3 + kHalfStepS * instant.speed_mps, 0.05));
+      timetable.Add(step, EgoOutline(instant).Grown(0.3 + kHalfStepS * instant.speed_mps, 0.05));
     }
-    return occupancy;
+    return timetable;
   }
 
   /// With room around it and for what it moves until the middle between two steps.
@@ -285,15 +257,15 @@ struct Traffic::Impl {
     const size_t next = std::min(i + 1, course.places.size() - 1);
     const double moved_m = std::abs(course.places[next].along_m - course.places[i].along_m);
     return OutlineOf(BodyOf(course.body), *course.path, course.places[i], course.direction)
-        .GrownBy(0.1 + moved_m / 2, 0.05);
+        .Grown(0.1 + moved_m / 2, 0.05);
   }
 
   /// Where it has room all its way; empty if it has not.
-  std::vector<GroundBox> RoomFor(const Course& course, const Occupancy& occupancy) const {
+  std::vector<GroundBox> RoomFor(const Course& course, const Timetable& timetable) const {
     std::vector<GroundBox> boxes;
     for (size_t i = 0; i < course.places.size(); ++i) {
       boxes.push_back(OutlineAt(course, i));
-      if (!occupancy.IsFree(course.first_step + i, boxes.back())) return {};
+      if (!timetable.IsFree(course.first_step + i, boxes.back())) return {};
     }
     return boxes;
   }
@@ -313,23 +285,23 @@ struct Traffic::Impl {
     return true;
   }
 
-  void Accept(std::vector<Course> courses, Occupancy& occupancy) {
+  void Accept(std::vector<Course> courses, Timetable& timetable) {
     constexpr int kAttempts = 4;
     for (Course& course : courses) {
-      std::vector<GroundBox> boxes = RoomFor(course, occupancy);
+      std::vector<GroundBox> boxes = RoomFor(course, timetable);
       for (int attempt = 1; attempt < kAttempts && boxes.empty() && Adapt(course); ++attempt) {
-        boxes = RoomFor(course, occupancy);
+        boxes = RoomFor(course, timetable);
       }
       Placement looks;
       if (boxes.empty() || !NextInstance(looks)) continue;
-      for (size_t i = 0; i < boxes.size(); ++i) occupancy.Add(course.first_step + i, boxes[i]);
+      for (size_t i = 0; i < boxes.size(); ++i) timetable.Add(course.first_step + i, boxes[i]);
       looks.mobility = Mobility::kMoving;
       looks_.push_back(looks);
       courses_.push_back(std::move(course));
     }
   }
 
-  void DriveAhead(Occupancy& occupancy) {
+  void DriveAhead(Timetable& timetable) {
     const double cruise_mps = track_->cruise_mps();
     const Mix first = FirstLeaderMix(IsDense(), IsFreeway()), others = LaneMix(IsFreeway(), {}, {});
     LeaderOptions options{.first = first, .others = others, .sight_m = Sight(170)};
@@ -340,10 +312,10 @@ struct Traffic::Impl {
       options.min_near_s = 30;
       options.max_near_s = 75;
     }
-    Accept(SimulateLeaders(route_, *track_, *fleet_, options, Draw(kLeaders)), occupancy);
+    Accept(SimulateLeaders(route_, *track_, *fleet_, options, Draw(kLeaders)), timetable);
   }
 
-  void DriveInLanes(const ObstacleMap& standing, Occupancy& occupancy) {
+  void DriveInLanes(const ObstacleMap& standing, Timetable& timetable) {
     ObstacleMap obstacles = standing;
     for (const GroundBox& box : parked_boxes_) obstacles.Add(box);
     const double ego_left_m = track_->instants().front().left_m;
@@ -368,12 +340,12 @@ struct Traffic::Impl {
       const auto stream = static_cast<uint64_t>(kLanes + lane.number);
       Accept(SimulateFlow(line, NarrowPlaces(line.path(), obstacles), *track_, *fleet_, options,
                           Draw(stream)),
-             occupancy);
+             timetable);
     }
   }
 
   /// In both directions, as far from the lane's middle as what is parked leaves room.
-  void Cycle(const ObstacleMap& standing, Occupancy& occupancy) {
+  void Cycle(const ObstacleMap& standing, Timetable& timetable) {
     if (IsFreeway()) return;
     constexpr double kFromMiddleM = 1.62;
     const Mix mix = {{"cyclist", 1}};
@@ -391,16 +363,16 @@ struct Traffic::Impl {
       const auto stream = static_cast<uint64_t>(kCyclists + side);
       Accept(SimulateFlow(line, NarrowPlaces(line.path(), standing), *track_, *fleet_, options,
                           Draw(stream)),
-             occupancy);
+             timetable);
     }
   }
 
-  void Walk(const ObstacleMap& standing, Occupancy& occupancy) {
+  void Walk(const ObstacleMap& standing, Timetable& timetable) {
     if (IsFreeway()) return;
     sidewalks_ = FindSidewalks(route_, profile_, *world_->ground);
     Accept(SimulateWalkers(sidewalks_, route_, standing, *track_, *fleet_, IsDense() ? 12 : 30,
                            Draw(kWalkers)),
-           occupancy);
+           timetable);
   }
 
   /// On a small loop the ends of what is filled must not meet.
@@ -419,7 +391,9 @@ struct Traffic::Impl {
     const double front_m = world_->ground->HeightAt(box.centre_in_enu + half);
     const double rear_m = world_->ground->HeightAt(box.centre_in_enu - half);
     Placement placement = looks_[course_idx];
-    placement.position_in_enu << box.centre_in_enu, (front_m + rear_m) / 2;
+    const bool on_sidewalk = body.kind == "pedestrian";
+    placement.position_in_enu << box.centre_in_enu,
+        (front_m + rear_m) / 2 + (on_sidewalk ? kSidewalkHeightM : 0);
     placement.heading_rad = static_cast<float>(box.heading_rad);
     placement.pitch_rad = static_cast<float>(std::atan2(front_m - rear_m, 2 * half.norm()));
     const bool stands = std::abs(b.along_m - a.along_m) < 1e-3;

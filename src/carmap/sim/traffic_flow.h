@@ -11,7 +11,7 @@
 
 #include "carmap/sim/ego_track.h"
 #include "carmap/sim/fleet.h"
-#include "carmap/sim/ground_box.h"
+#include "carmap/sim/occupancy.h"
 #include "carmap/sim/lane_line.h"
 #include "carmap/sim/obstacle_map.h"
 

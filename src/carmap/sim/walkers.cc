@@ -202,7 +202,7 @@ class WalkerSimulation {
     courses_.push_back(std::move(course));
   }
 
-  static constexpr double kSightM = 170;
+  static constexpr double kSightM = 215;  ///< and walks up to 60 m of it
   const Route& route_;
   const ObstacleMap& obstacles_;
   const EgoTrack& ego_;
