@@ -1,0 +1,107 @@
+// What rays find and how it is lit: the work on many samples of an image together.
+//
+// Coordinates are relative to the scene's origin. A Shader does not change; each thread has its own
+// Batch.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "carmap/geometry/camera.h"
+#include "carmap/geometry/rigid3.h"
+#include "carmap/sim/ground_map.h"
+#include "carmap/sim/light.h"
+#include "carmap/sim/ray_scene.h"
+#include "carmap/sim/sky.h"
+#include "carmap/sim/texture.h"
+
+namespace carmap {
+
+struct View {
+  View(const PinholeCamera& the_camera, const Rigid3& enu_from_camera,
+       const Eigen::Vector3d& origin_in_enu);
+  /// Not of unit length: the multiple that reaches a point is its depth.
+  Eigen::Vector3f Ray(float u, float v) const;
+
+  PinholeCamera camera;
+  Eigen::Vector3f eye;
+  Eigen::Matrix3f from_camera;  ///< rotation
+  Eigen::Vector3f right, down;  ///< how the ray changes from pixel to pixel
+  float pixel_rad = 0;
+};
+
+/// What a point of the image shows.
+struct Sample {
+  static constexpr uint32_t kSky = ~0u;
+
+  float depth_m = 0;
+  uint32_t group = kSky;  ///< the same on one surface of one placement
+  Eigen::Vector3f normal = Eigen::Vector3f::Zero();
+  Eigen::Vector3f position = Eigen::Vector3f::Zero();
+  float fixed = 0;        ///< light but for ...
+  float ambient = 0;      ///< ... that of the sky, were all of it open
+  float open = 0;         ///< what one direction tells about the sky, 0 or `weight`
+  float weight = 0;       ///< what that counts
+  float openness = 0.5f;  ///< the open share of the sky
+  bool sunny = false;
+  bool rough = false;  ///< one of many leaves
+
+  bool is_sky() const { return group == kSky; }
+};
+
+/// Whether both lie on one smooth piece of a surface.
+bool Continuous(const Sample& a, const Sample& b);
+
+/// Samples that go through the stages of shading together.
+struct Batch {
+  static constexpr int kCapacity = TextureSpots::kCapacity;
+
+  int count = 0;
+  float u[kCapacity], v[kCapacity];  ///< place in the image
+  Eigen::Vector3f ray[kCapacity];
+  Sample sample[kCapacity];
+  RayHit hit[kCapacity];
+  GroundCover cover[kCapacity];
+  TextureSpots spots;
+  float brightness[kCapacity];  ///< of the texture
+  float mirrored[kCapacity];    ///< what glossy surfaces show of their surroundings
+};
+
+class Shader {
+ public:
+  static constexpr int kSkyDirections = 16;
+
+  Shader(const RayScene& scene, const GroundMap* ground, const Sky& sky, const Light& light,
+         const View& view);
+
+  /// Fills in `sample` from `u` and `v`, but for how open the sky is.
+  void Shade(Batch& batch) const;
+
+  /// Sets `open` and `weight` of samples (first) by the direction to the sky that each is given
+  /// (second). Fastest where those of one direction follow one another.
+  void LookToSky(const std::vector<std::pair<int, int>>& samples, Batch& batch) const;
+
+ private:
+  void CastPrimary(Batch& batch) const;
+  void CastToSun(Batch& batch) const;
+  void CastMirrored(Batch& batch) const;
+  void Meet(Batch& batch, int i, uint32_t instance, uint32_t triangle) const;
+  void LayFootprint(Batch& batch, int i, const Eigen::Vector3f& gradient_u,
+                    const Eigen::Vector3f& gradient_v) const;
+  void CoverGround(Batch& batch, int i) const;
+  void Illuminate(Batch& batch, int i) const;
+  float MirroredLight(uint32_t instance, uint32_t triangle, const Eigen::Vector3f& position) const;
+
+  const RayScene& scene_;
+  const GroundMap* ground_;
+  const Sky& sky_;
+  const Light& light_;
+  const View& view_;
+  const Textures& textures_;
+  const Eigen::Vector3f to_sun_;
+  Eigen::Vector3f sky_directions_[kSkyDirections];
+};
+
+}  // namespace carmap
