@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <tuple>
 
 namespace carmap {
 namespace {
@@ -29,8 +30,12 @@ RayScene::RayScene(std::shared_ptr<const World> world, const std::vector<Mesh>& 
   rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_DYNAMIC);
   rtcSetSceneBuildQuality(scene_, RTC_BUILD_QUALITY_MEDIUM);
   models_.reserve(world->models.size() + vehicle_models.size());
-  for (const Mesh& mesh : world->models) models_.push_back(MakeModel(mesh));
-  for (const Mesh& mesh : vehicle_models) models_.push_back(MakeModel(mesh));
+  std::vector<bool> is_tile(world->models.size(), false);
+  for (const Placement& tile : world->tiles) is_tile[tile.model_idx] = true;
+  for (size_t i = 0; i < world->models.size(); ++i) {
+    models_.push_back(MakeModel(world->models[i], !is_tile[i]));
+  }
+  for (const Mesh& mesh : vehicle_models) models_.push_back(MakeModel(mesh, true));
   for (const Placement& tile : world->tiles) AddInstance(tile);
   for (const WorldObject& object : world->objects) AddInstance(object.placement);
   world_instances_ = instances_.size();
@@ -70,12 +75,58 @@ RayScene::Face RayScene::FaceOf(const Mesh& mesh, size_t triangle) {
   return face;
 }
 
-RayScene::Model RayScene::MakeModel(const Mesh& mesh) {
+/// Each corner's normal is the mean of those of the faces that meet there at a blunt angle, on the
+/// same surface. Leaves stay as they are.
+std::vector<RayScene::CornerNormals> RayScene::RoundedNormals(const Mesh& mesh,
+                                                              const std::vector<Face>& faces) {
+  constexpr float kBluntCosine = 0.75f;
+  struct Corner {
+    std::array<int32_t, 3> place;  ///< in steps of 0.5 mm
+    uint32_t surface, face, number;
+    auto Key() const { return std::tie(place, surface); }
+  };
+  std::vector<Corner> corners;
+  corners.reserve(3 * faces.size());
+  for (uint32_t face = 0; face < faces.size(); ++face) {
+    if (mesh.surfaces[faces[face].surface_idx].pattern == Pattern::kLeaves) continue;
+    for (uint32_t number = 0; number < 3; ++number) {
+      const Eigen::Vector3f place = mesh.vertices[mesh.triangles[face][number]] * 2000;
+      corners.push_back({{static_cast<int32_t>(std::lround(place.x())),
+                          static_cast<int32_t>(std::lround(place.y())),
+                          static_cast<int32_t>(std::lround(place.z()))},
+                         faces[face].surface_idx,
+                         face,
+                         number});
+    }
+  }
+  std::stable_sort(corners.begin(), corners.end(),
+                   [](const Corner& a, const Corner& b) { return a.Key() < b.Key(); });
+  std::vector<CornerNormals> normals(faces.size());
+  for (size_t i = 0; i < faces.size(); ++i) normals[i].fill(faces[i].normal);
+  for (auto first = corners.begin(); first != corners.end();) {
+    const auto last = std::find_if(
+        first, corners.end(), [&](const Corner& corner) { return corner.Key() != first->Key(); });
+    for (auto corner = first; corner != last; ++corner) {
+      const Eigen::Vector3f& own = faces[corner->face].normal;
+      Eigen::Vector3f sum = Eigen::Vector3f::Zero();
+      for (auto other = first; other != last; ++other) {
+        const Eigen::Vector3f& normal = faces[other->face].normal;
+        if (normal.dot(own) > kBluntCosine) sum += normal;
+      }
+      normals[corner->face][corner->number] = sum.normalized();
+    }
+    first = last;
+  }
+  return normals;
+}
+
+RayScene::Model RayScene::MakeModel(const Mesh& mesh, bool rounded) {
   Model model;
   model.surfaces = mesh.surfaces;
   if (mesh.triangles.empty()) return model;
   model.faces.reserve(mesh.triangles.size());
   for (size_t i = 0; i < mesh.triangles.size(); ++i) model.faces.push_back(FaceOf(mesh, i));
+  if (rounded) model.corner_normals = RoundedNormals(mesh, model.faces);
   RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
   CopyToBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, RTC_FORMAT_FLOAT3, mesh.vertices);
   CopyToBuffer(geometry, RTC_BUFFER_TYPE_INDEX, RTC_FORMAT_UINT3, mesh.triangles);
@@ -131,7 +182,7 @@ void RayScene::MoveOrigin(const Eigen::Vector3d& near_in_enu) {
   changed_ = false;
 }
 
-RayHit RayScene::HitAt(uint32_t instance_id, uint32_t triangle,
+RayHit RayScene::HitAt(uint32_t instance_id, uint32_t triangle, const Eigen::Vector2f& in_triangle,
                        const Eigen::Vector3f& position) const {
   const Instance& instance = instances_[instance_id];
   const Model& model = models_[instance.placement.model_idx];
@@ -142,7 +193,12 @@ RayHit RayScene::HitAt(uint32_t instance_id, uint32_t triangle,
   RayHit hit;
   hit.surface = &model.surfaces[face.surface_idx];
   hit.placement = &instance.placement;
-  hit.normal = instance.rotation * face.normal;
+  hit.normal = hit.face_normal = instance.rotation * face.normal;
+  if (!model.corner_normals.empty()) {
+    const auto& [a, b, c] = model.corner_normals[triangle];
+    const Eigen::Vector3f rounded = a + in_triangle.x() * (b - a) + in_triangle.y() * (c - a);
+    hit.normal = (instance.rotation * rounded).normalized();
+  }
   hit.uv_m = {face.gradient_u.dot(in_model) + face.u0, face.gradient_v.dot(in_model) + face.v0};
   hit.gradient_u = instance.rotation * face.gradient_u / scale;
   hit.gradient_v = instance.rotation * face.gradient_v / scale;

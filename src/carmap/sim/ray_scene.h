@@ -7,6 +7,7 @@
 #include <embree3/rtcore.h>
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <vector>
@@ -20,7 +21,8 @@ namespace carmap {
 struct RayHit {
   const Surface* surface = nullptr;
   const Placement* placement = nullptr;
-  Eigen::Vector3f normal;                  ///< of the face, unit length, either way
+  Eigen::Vector3f face_normal;             ///< unit length, outwards
+  Eigen::Vector3f normal;                  ///< ... of the rounded shape that the faces stand for
   Eigen::Vector2f uv_m;                    ///< along the surface
   Eigen::Vector3f gradient_u, gradient_v;  ///< of them
   uint32_t group = 0;                      ///< the same on one surface of one placement
@@ -42,7 +44,9 @@ class RayScene {
   static constexpr double kOriginStepM = 512;
 
   RTCScene scene() const { return scene_; }
-  RayHit HitAt(uint32_t instance_id, uint32_t triangle, const Eigen::Vector3f& position) const;
+  /// `in_triangle` are Embree's coordinates of the point in the triangle.
+  RayHit HitAt(uint32_t instance_id, uint32_t triangle, const Eigen::Vector2f& in_triangle,
+               const Eigen::Vector3f& position) const;
 
  private:
   /// How a triangle lies, in the model's frame.
@@ -51,9 +55,11 @@ class RayScene {
     float u0 = 0, v0 = 0;  ///< at the model's origin
     uint32_t surface_idx = 0;
   };
+  using CornerNormals = std::array<Eigen::Vector3f, 3>;
   struct Model {
     RTCScene scene = nullptr;  ///< none for a mesh without triangles
     std::vector<Face> faces;
+    std::vector<CornerNormals> corner_normals;  ///< none for one of flat faces
     std::vector<Surface> surfaces;
   };
   struct Instance {
@@ -64,7 +70,9 @@ class RayScene {
   };
 
   static Face FaceOf(const Mesh& mesh, size_t triangle);
-  Model MakeModel(const Mesh& mesh);
+  static std::vector<CornerNormals> RoundedNormals(const Mesh& mesh,
+                                                   const std::vector<Face>& faces);
+  Model MakeModel(const Mesh& mesh, bool rounded);
   void AddInstance(const Placement& placement);
   void Place(Instance& instance) const;
 

@@ -98,7 +98,7 @@ double AutomaticGain(const cv::Mat& radiance) {
     std::nth_element(values.begin(), nth, values.end());
     return std::max(double{*nth}, 1e-6);
   };
-  constexpr double kMiddle = 0.35, kBright = 1.2;  ///< of white
+  constexpr double kMiddle = 0.35, kBright = 1.6;  ///< of white
   return std::min(kMiddle / quantile(0.5), kBright / quantile(0.95));
 }
 

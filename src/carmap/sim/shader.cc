@@ -80,6 +80,17 @@ Caster<Packet, Done> MakeCaster(const RayScene& scene, Done done) {
   return {scene.scene(), done};
 }
 
+Vector3f EndOf(const RTCRay8& rays, int lane) {
+  const Vector3f from(rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]);
+  const Vector3f way(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]);
+  return from + rays.tfar[lane] * way;
+}
+
+RayHit HitOf(const RayScene& scene, const RTCRayHit8& packet, int lane) {
+  return scene.HitAt(packet.hit.instID[0][lane], packet.hit.primID[lane],
+                     {packet.hit.u[lane], packet.hit.v[lane]}, EndOf(packet.ray, lane));
+}
+
 /// From where a ray leaves a surface, so that it does not meet it again at once.
 Vector3f Start(const Sample& sample, float side) {
   const float lift = std::copysign(0.003f + 2e-4f * sample.depth_m, side);
@@ -140,7 +151,8 @@ void Shader::CastPrimary(Batch& batch) const {
   auto caster = MakeCaster<RTCRayHit8>(scene_, [&](int i, int lane, const RTCRayHit8& packet) {
     if (packet.hit.geomID[lane] == RTC_INVALID_GEOMETRY_ID) return;
     batch.sample[i].depth_m = packet.ray.tfar[lane];
-    Meet(batch, i, packet.hit.instID[0][lane], packet.hit.primID[lane]);
+    batch.sample[i].position = EndOf(packet.ray, lane);
+    Meet(batch, i, HitOf(scene_, packet, lane));
   });
   for (int i = 0; i < batch.count; ++i) {
     batch.sample[i] = Sample{};
@@ -149,13 +161,14 @@ void Shader::CastPrimary(Batch& batch) const {
   }
 }
 
-void Shader::Meet(Batch& batch, int i, uint32_t instance, uint32_t triangle) const {
+void Shader::Meet(Batch& batch, int i, const RayHit& hit) const {
+  batch.hit[i] = hit;
   Sample& sample = batch.sample[i];
-  sample.position = view_.eye + sample.depth_m * batch.ray[i];
-  RayHit& hit = batch.hit[i];
-  hit = scene_.HitAt(instance, triangle, sample.position);
   sample.group = hit.group;
-  sample.normal = hit.normal.dot(batch.ray[i]) > 0 ? Vector3f(-hit.normal) : hit.normal;
+  // Of the side that is seen; where a rounded shape would turn away, that of the face.
+  const float side = hit.face_normal.dot(batch.ray[i]) > 0 ? -1.f : 1.f;
+  const bool turned_away = side * hit.normal.dot(batch.ray[i]) > 0;
+  sample.normal = side * (turned_away ? hit.face_normal : hit.normal);
   const Surface& surface = *hit.surface;
   sample.rough = surface.pattern == Pattern::kLeaves;
   if (surface.pattern == Pattern::kGround) {
@@ -218,12 +231,9 @@ void Shader::CastToSun(Batch& batch) const {
 void Shader::CastMirrored(Batch& batch) const {
   auto caster = MakeCaster<RTCRayHit8>(scene_, [&](int i, int lane, const RTCRayHit8& packet) {
     const RTCRay8& rays = packet.ray;
-    const Vector3f way(rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]);
-    const Vector3f from(rays.org_x[lane], rays.org_y[lane], rays.org_z[lane]);
     batch.mirrored[i] = packet.hit.geomID[lane] == RTC_INVALID_GEOMETRY_ID
-                            ? sky_.Mirrored(way)
-                            : MirroredLight(packet.hit.instID[0][lane], packet.hit.primID[lane],
-                                            from + rays.tfar[lane] * way);
+                            ? sky_.Mirrored({rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]})
+                            : MirroredLight(HitOf(scene_, packet, lane), EndOf(rays, lane));
   });
   for (int i = 0; i < batch.count; ++i) {
     const Sample& sample = batch.sample[i];
@@ -239,8 +249,7 @@ void Shader::CastMirrored(Batch& batch) const {
 }
 
 /// Of a thing seen in a mirror: without texture and shadows.
-float Shader::MirroredLight(uint32_t instance, uint32_t triangle, const Vector3f& position) const {
-  const RayHit hit = scene_.HitAt(instance, triangle, position);
+float Shader::MirroredLight(const RayHit& hit, const Vector3f& position) const {
   float albedo = hit.surface->albedo * hit.placement->shade;
   if (hit.surface->pattern == Pattern::kGround) {
     const Vector2f origin = scene_.origin_in_enu().head<2>().cast<float>();

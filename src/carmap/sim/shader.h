@@ -87,12 +87,12 @@ class Shader {
   void CastPrimary(Batch& batch) const;
   void CastToSun(Batch& batch) const;
   void CastMirrored(Batch& batch) const;
-  void Meet(Batch& batch, int i, uint32_t instance, uint32_t triangle) const;
+  void Meet(Batch& batch, int i, const RayHit& hit) const;
   void LayFootprint(Batch& batch, int i, const Eigen::Vector3f& gradient_u,
                     const Eigen::Vector3f& gradient_v) const;
   void CoverGround(Batch& batch, int i) const;
   void Illuminate(Batch& batch, int i) const;
-  float MirroredLight(uint32_t instance, uint32_t triangle, const Eigen::Vector3f& position) const;
+  float MirroredLight(const RayHit& hit, const Eigen::Vector3f& position) const;
 
   const RayScene& scene_;
   const GroundMap* ground_;

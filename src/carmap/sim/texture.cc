@@ -130,7 +130,7 @@ Textures::Textures() : layers_(kPatterns) {
   using enum Pattern;
   add_macro(MacroTile::kRoad, {{kAsphalt, 1.f}});
   add_macro(MacroTile::kStreaks,
-            {{kConcrete, 0.4f}, {kPlaster, 0.25f}, {kStone, 0.4f}, {kBrick, 0.4f}, {kMetal, 0.3f}});
+            {{kConcrete, 0.4f}, {kPlaster, 0.12f}, {kStone, 0.4f}, {kBrick, 0.4f}, {kMetal, 0.3f}});
   add_macro(MacroTile::kStains, {{kGrass, 1.f},
                                  {kSoil, 1.f},
                                  {kGravel, 1.f},
