@@ -7,6 +7,21 @@
 #include "carmap/sim/models.h"
 
 namespace carmap {
+namespace {
+
+/// Mirrors stick out above this height. What is shorter than a car is widest above it.
+constexpr float kBelowMirrorsM = 0.8f, kShortestCarM = 3;
+
+double WidthOf(const Model& model) {
+  if (model.length_m < kShortestCarM) return model.width_m;
+  float half_m = 0;
+  for (const Eigen::Vector3f& v : model.mesh.vertices) {
+    if (v.z() < kBelowMirrorsM) half_m = std::max(half_m, std::abs(v.y()));
+  }
+  return 2 * half_m;
+}
+
+}  // namespace
 
 Fleet::Fleet() {
   for (const std::string_view kind : VehicleKinds()) {
@@ -19,7 +34,7 @@ Fleet::Fleet() {
       for (uint32_t phase = 0; phase < phases; ++phase) {
         Model model = MakeVehicle(kind, look * phases + phase);
         body.length_m = std::max<double>(body.length_m, model.length_m);
-        body.width_m = std::max<double>(body.width_m, model.width_m);
+        body.width_m = std::max(body.width_m, WidthOf(model));
         models_.push_back(std::move(model.mesh));
       }
       bodies_.push_back(body);

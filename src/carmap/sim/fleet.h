@@ -18,7 +18,7 @@ struct Body {
   uint32_t first_model = 0;  ///< of Fleet::models(); its phases follow each other
   uint32_t phases = 1;
   double cycle_m = 0;                ///< of way, in which the phases go round; 0: none
-  double length_m = 0, width_m = 0;  ///< of the largest phase
+  double length_m = 0, width_m = 0;  ///< of the largest phase; without the mirrors of cars
 };
 
 /// How often kinds are drawn, as weights.

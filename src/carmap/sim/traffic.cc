@@ -102,13 +102,8 @@ class Timetable {
 
 // --- How it looks ---
 
-/// From dark to white; most cars are one or the other.
-float DrawShade(HashSequence& random) {
-  const double kind = random.Unit();
-  if (kind < 0.3) return static_cast<float>(random.Between(0.3, 0.55));
-  if (kind < 0.65) return static_cast<float>(random.Between(0.6, 1.0));
-  return static_cast<float>(random.Between(1.1, 1.5));
-}
+/// Looks have colours of their own; two of one look still differ.
+float DrawShade(HashSequence& random) { return static_cast<float>(random.Between(0.75, 1.3)); }
 
 }  // namespace
 
@@ -201,7 +196,7 @@ struct Traffic::Impl {
     constexpr int kAttempts = 8;
     const Mix mix = ParkedMix();
     uint32_t body = fleet_->Draw(mix, random);
-    for (int i = 1; i < kAttempts && BodyOf(body).length_m > room_m - 0.4; ++i) {
+    for (int i = 1; i < kAttempts && BodyOf(body).length_m > room_m; ++i) {
       body = fleet_->Draw(mix, random);
     }
     return BodyOf(body);

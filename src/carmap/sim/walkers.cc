@@ -1,7 +1,6 @@
 #include "carmap/sim/walkers.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -10,12 +9,8 @@ namespace carmap {
 namespace {
 
 constexpr KindWeight kPedestrian[] = {{"pedestrian", 1}};
-constexpr double kHalfPersonM = 0.35;
-
-/// Across the road, outwards from the middle of the route's lane.
-struct Strip {
-  double inner_m = 0, outer_m = 0;
-};
+// Of a person: half across, half along; and from one to another side by side.
+constexpr double kHalfPersonM = 0.35, kStrideM = 0.45, kAsideM = 0.75;
 
 class SidewalkFinder {
  public:
@@ -30,57 +25,51 @@ class SidewalkFinder {
     constexpr double kStepM = 4, kKinkM = 0.6;
     Run run;
     for (double along_m = 0; along_m <= route_.length_m(); along_m += kStepM) {
-      const std::optional<Strip> strip = StripAt(along_m, run.strips);
-      const bool goes_on = strip && !run.strips.empty() &&
-                           std::abs(strip->inner_m - run.strips.back().inner_m) < kKinkM;
+      const std::optional<double> edge_m = EdgeAt(along_m);
+      const bool goes_on = edge_m && !run.middle.empty() && std::abs(*edge_m - run.edge_m) < kKinkM;
       if (!goes_on) EndRun(run, sidewalks);
-      if (!strip) continue;
-      if (run.strips.empty()) run.begin_m = along_m;
+      if (!edge_m) continue;
+      if (run.middle.empty()) run.begin_m = along_m;
       run.end_m = along_m;
-      run.strips.push_back(*strip);
-      run.middle.push_back(
-          route_.At(along_m, side_ * (strip->inner_m + strip->outer_m) / 2).position_in_enu);
+      run.edge_m = *edge_m;
+      run.middle.push_back(PointAt(along_m, *edge_m + (kInnerM + kOuterM) / 2));
     }
     EndRun(run, sidewalks);
   }
 
  private:
+  static constexpr double kInnerM = 0.2, kOuterM = 1.7;  // beyond the carriageway's edge
+
   struct Run {
-    double begin_m = 0, end_m = 0;
-    std::vector<Strip> strips;
+    double begin_m = 0, end_m = 0, edge_m = 0;
     std::vector<Eigen::Vector2d> middle;
   };
 
-  bool IsSidewalk(double along_m, double outwards_m) const {
-    const Eigen::Vector2d p = route_.At(along_m, side_ * outwards_m).position_in_enu;
-    return ground_.CoverAt(p.cast<float>(), {0.05f, 0.05f}).label == SemanticClass::kSidewalk;
+  Eigen::Vector2d PointAt(double along_m, double outwards_m) const {
+    return route_.At(along_m, side_ * outwards_m).position_in_enu;
   }
 
-  /// Looks first near where it was last.
-  std::optional<Strip> StripAt(double along_m, const std::vector<Strip>& before) const {
-    constexpr double kReachM = 7, kWidestM = 5, kStepM = 0.25, kAroundM = 0.5;
-    Strip strip;
-    strip.inner_m = before.empty() ? lanes_m_ : before.back().inner_m - kAroundM;
-    while (!IsSidewalk(along_m, strip.inner_m)) {
-      strip.inner_m += kStepM;
-      if (strip.inner_m > lanes_m_ + kReachM) return std::nullopt;
+  /// Of the carriageway, outwards from the route; none where another road comes in.
+  std::optional<double> EdgeAt(double along_m) const {
+    constexpr double kReachM = 7, kStepM = 0.25;
+    for (double outwards_m = lanes_m_; outwards_m < lanes_m_ + kReachM;) {
+      const double beyond_m = ground_.CarriagewayDistance(PointAt(along_m, outwards_m));
+      if (beyond_m >= 0) {
+        const double edge_m = outwards_m - beyond_m;
+        const double room_m = ground_.CarriagewayDistance(PointAt(along_m, edge_m + kOuterM));
+        if (room_m < 0.7 * kOuterM) return std::nullopt;
+        return edge_m;
+      }
+      outwards_m += std::max(kStepM, -beyond_m);
     }
-    strip.outer_m = strip.inner_m;
-    while (strip.outer_m < strip.inner_m + kWidestM &&
-           IsSidewalk(along_m, strip.outer_m + kStepM)) {
-      strip.outer_m += kStepM;
-    }
-    if (strip.outer_m - strip.inner_m < 2 * kHalfPersonM) return std::nullopt;
-    return strip;
+    return std::nullopt;
   }
 
   static void EndRun(Run& run, std::vector<Sidewalk>& sidewalks) {
-    constexpr size_t kMinStrips = 4;
-    if (run.strips.size() >= kMinStrips) {
-      double width_m = run.strips.front().outer_m - run.strips.front().inner_m;
-      for (const Strip& s : run.strips) width_m = std::min(width_m, s.outer_m - s.inner_m);
+    constexpr size_t kMinPoints = 4;
+    if (run.middle.size() >= kMinPoints) {
       sidewalks.push_back({std::make_unique<const Route>(run.middle, /*closed=*/false), run.begin_m,
-                           run.end_m, width_m});
+                           run.end_m, kOuterM - kInnerM});
     }
     run = {};
   }
@@ -120,6 +109,7 @@ class WalkerSimulation {
  private:
   struct Walk {
     double left_m = 0, low_m = 0, high_m = 0;  ///< of the sidewalk's middle; free along it
+    double LengthM() const { return high_m - low_m; }
   };
 
   double DrawSpacing() { return spacing_m_ * random_.Between(0.3, 1.7); }
@@ -146,26 +136,33 @@ class WalkerSimulation {
            kHalfPersonM;
   }
 
+  /// As far as nothing stands in the way on this line; none where something stands right there.
+  std::optional<Walk> WalkOn(const Sidewalk& sidewalk, double along_m, double left_m) const {
+    constexpr double kFurthestM = 60, kStepM = 0.2;
+    const Route& path = *sidewalk.middle;
+    if (!IsFree(path, along_m, left_m)) return std::nullopt;
+    const auto end = [&](int direction) {
+      double there_m = along_m;
+      while (std::abs(there_m - along_m) < kFurthestM) {
+        const double next_m = there_m + direction * kStepM;
+        if (next_m < 0 || next_m > path.length_m() || !IsFree(path, next_m, left_m)) break;
+        there_m = next_m;
+      }
+      return there_m;
+    };
+    const Walk walk{left_m, end(-1) + kStrideM, end(1) - kStrideM};
+    if (walk.low_m > along_m || walk.high_m < along_m) return std::nullopt;
+    return walk;
+  }
+
   /// The line across the sidewalk that is free the furthest.
   std::optional<Walk> FindWalk(const Sidewalk& sidewalk, double along_m) {
-    constexpr double kFurthestM = 60, kStepM = 0.2;
     constexpr int kTries = 4;
     const double room_m = sidewalk.width_m / 2 - kHalfPersonM;
     std::optional<Walk> best;
     for (int i = 0; i < kTries; ++i) {
-      const double left_m = random_.Between(-room_m, room_m);
-      const auto reach = [&](int direction) {
-        double way_m = 0;
-        while (way_m < kFurthestM && along_m + direction * way_m >= 0 &&
-               along_m + direction * way_m <= sidewalk.middle->length_m() &&
-               IsFree(*sidewalk.middle, along_m + direction * way_m, left_m)) {
-          way_m += kStepM;
-        }
-        return way_m - kStepM;
-      };
-      const Walk walk{left_m, along_m - reach(-1), along_m + reach(1)};
-      const bool is_free = walk.low_m <= along_m && walk.high_m >= along_m;
-      if (is_free && (!best || walk.high_m - walk.low_m > best->high_m - best->low_m)) best = walk;
+      const auto walk = WalkOn(sidewalk, along_m, random_.Between(-room_m, room_m));
+      if (walk && (!best || walk->LengthM() > best->LengthM())) best = walk;
     }
     return best;
   }
@@ -177,11 +174,12 @@ class WalkerSimulation {
     const int direction = random_.Chance(0.5) ? 1 : -1;
     AddPerson(sidewalk, *walk, along_m, progress_m, direction, speed_mps);
     if (!random_.Chance(0.25)) return;
-    const double aside_m = walk->left_m > 0 ? -0.75 : 0.75;
-    if (std::abs(walk->left_m + aside_m) > sidewalk.width_m / 2 - kHalfPersonM) return;
-    Walk beside = *walk;
-    beside.left_m += aside_m;
-    AddPerson(sidewalk, beside, along_m, progress_m, direction, speed_mps);
+    const double left_m = walk->left_m > 0 ? walk->left_m - kAsideM : walk->left_m + kAsideM;
+    std::optional<Walk> beside = WalkOn(sidewalk, along_m, left_m);
+    if (!beside || std::abs(left_m) > sidewalk.width_m / 2) return;
+    beside->low_m = std::max(beside->low_m, walk->low_m);
+    beside->high_m = std::min(beside->high_m, walk->high_m);
+    AddPerson(sidewalk, *beside, along_m, progress_m, direction, speed_mps);
   }
 
   /// Where it is when ego comes by, and before and after that as it walks.

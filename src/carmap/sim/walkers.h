@@ -22,7 +22,7 @@ struct Sidewalk {
   double width_m = 0;                   ///< where it is narrowest
 };
 
-/// Where the ground beside the outer lanes is labelled as sidewalk.
+/// Right beyond the carriageway's edge, on both sides of the route.
 std::vector<Sidewalk> FindSidewalks(const Route& route, const RoadProfile& profile,
                                     const GroundMap& ground);
 
