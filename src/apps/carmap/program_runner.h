@@ -1,0 +1,25 @@
+// Runs the program `carmap` as its users do, for tests.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace carmap {
+
+struct Result {
+  int exit_code = -1;  ///< -1: killed by a signal
+  std::string out, err;
+
+  /// Lines that tell of a problem; the others tell of progress.
+  std::vector<std::string> problems() const;
+};
+
+/// Runs in `folder`; what it prints goes through the files stdout and stderr of `scratch`.
+Result RunProgram(const std::filesystem::path& folder, const std::vector<std::string>& arguments,
+                  const std::filesystem::path& scratch);
+
+/// A whole file; a test failure if there is none.
+std::string Read(const std::filesystem::path& path);
+
+}  // namespace carmap
