@@ -11,7 +11,7 @@
 #include <set>
 #include <utility>
 
-#include "carmap/sim/ground_box.h"
+#include "carmap/sim/occupancy.h"
 #include "carmap/sim/ground_map.h"
 #include "carmap/sim/models.h"
 #include "carmap/sim/random.h"
@@ -351,7 +351,7 @@ absl::Status ApplyChanges(const std::vector<Change>& changes, World& world) {
     placement.heading_rad = change.heading_rad;
     placement.texture_seed = look;
     world.objects.push_back({change.name, placement});
-    const GroundBox box = BoxOf(change).GrownBy(0.3, 0.2);
+    const GroundBox box = BoxOf(change).Grown(0.3, 0.2);
     std::erase_if(world.parking, [&](const ParkingPlace& place) {
       return Overlap(
           box, {place.position_in_enu.head<2>(), place.heading_rad, place.length_m / 2, 0.95});
