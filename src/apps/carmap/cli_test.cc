@@ -321,6 +321,56 @@ TEST_F(CliTest, RefusesVocabulariesThatItCannotTrainOrRead) {
                       "../damaged: has no poses.txt");
 }
 
+TEST_F(CliTest, ComparesDrivesAsTheFrontEndSeesThem) {
+  const Result same = Run({"evaluate", "realism", "../drive", "../drive", "--json"});
+  ASSERT_EQ(same.exit_code, 0) << same.err;
+  const nlohmann::json json = nlohmann::json::parse(same.out);
+  EXPECT_GE(json["bounded"], 29);
+  EXPECT_EQ(json["within"], json["bounded"]);
+  EXPECT_EQ(json["simulated"]["lost_pairs"], 0);
+  for (const auto& measure : json["measures"]) {
+    EXPECT_EQ(measure["distance"], 0) << measure["key"];
+    EXPECT_GT(measure["simulated"]["count"], 0) << measure["key"];
+    if (measure["key"] == "m_per_frame") {
+      EXPECT_NEAR(measure["real"]["median"].get<double>(), 0.8, 0.01);
+    }
+  }
+
+  WriteTestDrive(work() / "dim", TestDrivePoses(kFrames), /*world=*/1);
+  for (const char* side : {"image_0", "image_1"}) {
+    for (const auto& entry : fs::directory_iterator(work() / "dim" / side)) {
+      const std::string path = entry.path().string();
+      cv::imwrite(path, cv::imread(path, cv::IMREAD_GRAYSCALE) / 2);
+    }
+  }
+  const Result dim =
+      Run({"evaluate", "realism", "dim", "../drive", "--frames", "12", "--picture", "p.png"});
+  ASSERT_EQ(dim.exit_code, 0) << dim.err;
+  EXPECT_THAT(dim.out, HasSubstr("12 frames, 11 pairs"));
+  EXPECT_THAT(dim.out, testing::ContainsRegex("grey level, mean .* 0.5[0-9]  .* NO"));
+  EXPECT_FALSE(cv::imread((work() / "p.png").string()).empty());
+}
+
+TEST_F(CliTest, RefusesDrivesThatItCannotCompare) {
+  ExpectRefusedAtOnce({"evaluate", "realism", "../drive"}, "REAL_DRIVE", 2);
+  ExpectRefusedAtOnce({"evaluate", "realism", "../drive", "../drive", "--frames", "3"}, "--frames",
+                      2);
+  ExpectRefusedAtOnce({"evaluate", "realism", "absent", "../drive"}, "absent: ");
+  ExpectRefusedAtOnce({"evaluate", "realism", "../drive", "absent"}, "absent: ");
+  ExpectRefusedAtOnce(
+      {"evaluate", "realism", "../drive", "../drive", "--picture", "../drive/poses.txt"},
+      "would be overwritten");
+  WriteTestDrive(work() / "short", TestDrivePoses(5));
+  ExpectRefusedAtOnce({"evaluate", "realism", "short", "../drive"}, "short: has 5 frames");
+  WriteTestDrive(work() / "black", TestDrivePoses(12));
+  for (const char* side : {"image_0", "image_1"}) {
+    for (const auto& entry : fs::directory_iterator(work() / "black" / side)) {
+      cv::imwrite(entry.path().string(), cv::Mat(160, 320, CV_8UC1, cv::Scalar(0)));
+    }
+  }
+  ExpectRefused({"evaluate", "realism", "black", "../drive"}, "black: between none of its frames");
+}
+
 // Wrong usage.
 
 TEST_F(CliTest, RefusesWrongUsageWithExitCode2) {

@@ -26,5 +26,6 @@ void AddVocabularyCommand(CLI::App& app, Command& chosen);
 
 /// To `carmap evaluate`.
 void AddEvaluatePlaces(CLI::App& evaluate, Command& chosen);
+void AddEvaluateRealism(CLI::App& evaluate, Command& chosen);
 
 }  // namespace carmap

@@ -31,7 +31,8 @@ absl::StatusOr<ExitCode> Evaluate(const Arguments& arguments) {
 }  // namespace
 
 void AddEvaluateCommand(CLI::App& app, Command& chosen) {
-  CLI::App* command = app.add_subcommand("evaluate", "Compare results with the truth");
+  CLI::App* command = app.add_subcommand(
+      "evaluate", "Compare results with the truth, and simulated drives with real ones");
   command->require_subcommand(1);
   CLI::App* trajectory =
       command->add_subcommand("trajectory", "Errors of a trajectory against ground truth");
@@ -40,7 +41,7 @@ void AddEvaluateCommand(CLI::App& app, Command& chosen) {
       ->required();
   trajectory->add_option("TRUTH", arguments->truth, "Ground truth, KITTI or TUM form")->required();
   trajectory->add_flag("--json", arguments->json, "Print JSON");
-  const char* footer = R"(Errors:
+  trajectory->footer(R"(Errors:
   absolute  distances in metres after the best rigid alignment (ATE)
   relative  KITTI's measure: translation in percent and rotation in degrees per 100 m, over lengths
             of 100 to 800 m, and over 5 to 50 m for shorter paths
@@ -50,12 +51,17 @@ Poses belong together by time stamp (within 0.02 s) if both files are in TUM for
 Example:
   carmap evaluate trajectory localized.txt kitti06_000-050/poses.txt
 
-Exit codes: 0 done, 1 error, 2 wrong usage)";
-  command->footer(footer);
-  trajectory->footer(footer);
+Exit codes: 0 done, 1 error, 2 wrong usage)");
   trajectory->callback(
       [arguments, &chosen] { chosen = [arguments] { return Evaluate(*arguments); }; });
   AddEvaluatePlaces(*command, chosen);
+  AddEvaluateRealism(*command, chosen);
+  command->footer(R"(`carmap evaluate COMMAND --help` explains each.
+
+Example:
+  carmap evaluate trajectory localized.txt kitti06_000-050/poses.txt
+
+Exit codes: 0 done, 1 error, 2 wrong usage)");
 }
 
 }  // namespace carmap
