@@ -32,7 +32,7 @@ std::vector<MeasureInfo> MakeInfos() {
       {"flat_noise", "noise in flat places", "", 2, kFactor},
       {"spectrum_coarse", "spectrum 1/f^n, coarse", "n", 2, kFactor},
       {"spectrum_fine", "spectrum 1/f^n, fine", "n", 2, kFactor},
-      {"features", "features extracted", "/image", 0, kFactor, 0, Scaling::kArea},
+      {"features", "features extracted", "/image", 0, kFactor},
       {"weak_corners", "corners, contrast 7", "/image", 0, kFactor, 0, Scaling::kArea},
   };
   for (int level = 0; level < kLevelCount; ++level) {
