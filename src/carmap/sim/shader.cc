@@ -15,7 +15,10 @@ using Eigen::Vector3f;
 
 constexpr int kLanes = 8;
 constexpr float kFar = std::numeric_limits<float>::infinity();
-constexpr float kHazeM = 4000;  ///< in which contrast falls to 1/e
+/// Duller things show the sky alone.
+constexpr float kLeastMirror = 0.09f;
+constexpr float kGroundAlbedo = 0.15f;  ///< where it is not looked up
+constexpr float kHazeM = 4000;          ///< in which contrast falls to 1/e
 
 /// Rays collected into packets of eight, which Embree traces together. `Packet` is RTCRay8, which
 /// only tells whether something is in the way, or RTCRayHit8. `done(index, lane, packet)` is called
@@ -233,14 +236,15 @@ void Shader::CastMirrored(Batch& batch) const {
     const RTCRay8& rays = packet.ray;
     batch.mirrored[i] = packet.hit.geomID[lane] == RTC_INVALID_GEOMETRY_ID
                             ? sky_.Mirrored({rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]})
-                            : MirroredLight(HitOf(scene_, packet, lane), EndOf(rays, lane));
+                            : MirroredLight(HitOf(scene_, packet, lane));
   });
   for (int i = 0; i < batch.count; ++i) {
     const Sample& sample = batch.sample[i];
-    if (sample.is_sky() || batch.hit[i].surface->gloss <= 0) continue;
+    const float gloss = sample.is_sky() ? 0 : batch.hit[i].surface->gloss;
+    if (gloss <= 0) continue;
     const Vector3f view = batch.ray[i].normalized();
     const Vector3f way = view - 2 * sample.normal.dot(view) * sample.normal;
-    if (sample.rough) {  // Too many to look what each mirrors.
+    if (sample.rough || gloss < kLeastMirror) {
       batch.mirrored[i] = sample.sunny ? sky_.Mirrored(way) : sky_.ground();
     } else {
       caster.Add(i, Start(sample, 1), way);
@@ -249,12 +253,9 @@ void Shader::CastMirrored(Batch& batch) const {
 }
 
 /// Of a thing seen in a mirror: without texture and shadows.
-float Shader::MirroredLight(const RayHit& hit, const Vector3f& position) const {
-  float albedo = hit.surface->albedo * hit.placement->shade;
-  if (hit.surface->pattern == Pattern::kGround) {
-    const Vector2f origin = scene_.origin_in_enu().head<2>().cast<float>();
-    albedo = ground_->CoverAt(position.head<2>() + origin, {0.3f, 0.3f}).albedo;
-  }
+float Shader::MirroredLight(const RayHit& hit) const {
+  const bool ground = hit.surface->pattern == Pattern::kGround;
+  const float albedo = ground ? kGroundAlbedo : hit.surface->albedo * hit.placement->shade;
   const float facing = std::max(0.f, hit.normal.dot(to_sun_));
   return albedo * static_cast<float>(0.7 * light_.sun * facing + 0.6 * light_.sky);
 }

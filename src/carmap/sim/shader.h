@@ -92,7 +92,7 @@ class Shader {
                     const Eigen::Vector3f& gradient_v) const;
   void CoverGround(Batch& batch, int i) const;
   void Illuminate(Batch& batch, int i) const;
-  float MirroredLight(const RayHit& hit, const Eigen::Vector3f& position) const;
+  float MirroredLight(const RayHit& hit) const;
 
   const RayScene& scene_;
   const GroundMap* ground_;
