@@ -114,7 +114,8 @@ apart), and whether the medians agree within a factor of 1.5, Hamming distances 
                           from there. Hamming: unequal bits of the 256. Ambiguous: share for which
                           a feature elsewhere, within 5 % of the image's width, comes as near in
                           bits (within a quarter, or four)
-  track length            of features found again at least once, followed for up to 10 frames
+  track length            of features found again at least once, followed for up to 10 frames; in
+                          metres, the mean over those that begin in one frame
 
 The motion from frame to frame is the localizer's own, good to a few millimetres; poses.txt is not
 needed. Tracks and Hamming distances depend on how far the car drives from frame to frame: compare

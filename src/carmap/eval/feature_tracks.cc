@@ -1,5 +1,6 @@
 #include "carmap/eval/feature_tracks.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace carmap {
@@ -35,8 +36,10 @@ std::vector<TrackLength> FeatureTracks::End() {
   std::vector<TrackLength> lengths;
   for (const Track& track : finished_) {
     if (track.first_frame + kMaxFrames > frame_ + 1) continue;
-    lengths.push_back({track.frames, track.last_m - track.first_m});
+    lengths.push_back({track.first_frame, track.frames, track.last_m - track.first_m});
   }
+  std::stable_sort(lengths.begin(), lengths.end(),
+                   [](const auto& a, const auto& b) { return a.first_frame < b.first_frame; });
   *this = FeatureTracks();
   return lengths;
 }

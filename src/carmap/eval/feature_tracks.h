@@ -13,8 +13,9 @@ namespace carmap {
 
 /// A feature that was found again at least once.
 struct TrackLength {
-  size_t frames = 0;    ///< that show it, the first included; kMaxFrames stands for longer, too
-  double driven_m = 0;  ///< from the first of them to the last
+  size_t first_frame = 0;  ///< of the chain, from 0
+  size_t frames = 0;       ///< that show it, the first included; kMaxFrames stands for longer, too
+  double driven_m = 0;     ///< from the first of them to the last
 };
 
 /// Follows features along a chain of frames. All tracks are watched for equally long, kMaxFrames,
@@ -34,7 +35,7 @@ class FeatureTracks {
   void Continue(const std::vector<PredictedFeature>& predictions,
                 const std::vector<TrueMatch>& matches, size_t feature_count, double moved_m);
 
-  /// Ends the chain: the tracks in it that count.
+  /// Ends the chain: the tracks in it that count, by their first frame.
   std::vector<TrackLength> End();
 
  private:

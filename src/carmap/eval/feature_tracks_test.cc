@@ -39,6 +39,19 @@ TEST(FeatureTracks, CountsFramesAndMetres) {
   EXPECT_THAT(Lengths(tracks), testing::IsEmpty());
 }
 
+TEST(FeatureTracks, ComeByTheirFirstFrame) {
+  FeatureTracks tracks;
+  tracks.Begin(10);
+  Step({}, tracks);
+  Step({1, 2}, tracks);  // 1 and 2 begin in frame 1
+  Step({2, 3}, tracks);  // 3 in frame 2, and ends before 2 does
+  Step({2}, tracks);
+  for (int i = 0; i < 10; ++i) Step({}, tracks);
+  std::vector<size_t> first_frames;
+  for (const TrackLength& track : tracks.End()) first_frames.push_back(track.first_frame);
+  EXPECT_THAT(first_frames, testing::ElementsAre(1, 1, 2));
+}
+
 TEST(FeatureTracks, LeavesOutWhatBeganBeforeTheChain) {
   FeatureTracks tracks;
   tracks.Begin(10);

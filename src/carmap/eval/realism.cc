@@ -51,7 +51,7 @@ std::vector<MeasureInfo> MakeInfos() {
       {"hamming_bits", "true match, Hamming", "bits", 0, kHammingFactor},
       {"ambiguous_percent", "true match, ambiguous", "%", 1, kFactor},
       {"track_frames", "track length", "frames", 0, kFactor},
-      {"track_m", "track length", "m", 2, kFactor},
+      {"track_mean_m", "track length, mean", "m", 2, kFactor},
       {"m_per_frame", "driven a frame", "m", 2, 0},
   };
   infos.insert(infos.end(), others.begin(), others.end());
@@ -268,9 +268,18 @@ void RealismMeter::TakeMatches(const std::vector<Feature>& from, const FeatureGr
 }
 
 void RealismMeter::EndTracks() {
-  for (const TrackLength& track : tracks_.End()) {
-    Add(Measure::kTrackFrames, static_cast<double>(track.frames));
-    Add(Measure::kTrackMetres, track.driven_m);
+  const std::vector<TrackLength> tracks = tracks_.End();
+  for (auto begin = tracks.begin(); begin != tracks.end();) {
+    const auto end = std::find_if(begin, tracks.end(), [&](const TrackLength& track) {
+      return track.first_frame != begin->first_frame;
+    });
+    double sum_m = 0;
+    for (auto track = begin; track != end; ++track) {
+      Add(Measure::kTrackFrames, static_cast<double>(track->frames));
+      sum_m += track->driven_m;
+    }
+    Add(Measure::kTrackMetres, sum_m / static_cast<double>(end - begin));
+    begin = end;
   }
 }
 
@@ -341,11 +350,9 @@ std::string ToText(const RealismComparison& comparison) {
     fmt::format_to(std::back_inserter(text), "{:<9}  {} frames, {} pairs, {} without a motion\n",
                    name, drive->frames, drive->pairs, drive->lost_pairs);
   }
-  const auto& frames = comparison.measures[static_cast<size_t>(Measure::kTrackFrames)];
-  const auto& metres = comparison.measures[static_cast<size_t>(Measure::kTrackMetres)];
-  fmt::format_to(std::back_inserter(text),
-                 "mean track {:.2f} frames (real: {:.2f}), {:.2f} m (real: {:.2f})\n",
-                 frames.simulated.mean, frames.real.mean, metres.simulated.mean, metres.real.mean);
+  const MeasureComparison& tracks = comparison.measures[static_cast<size_t>(Measure::kTrackFrames)];
+  fmt::format_to(std::back_inserter(text), "mean track {:.2f} frames (real: {:.2f})\n",
+                 tracks.simulated.mean, tracks.real.mean);
   if (comparison.is_scaled) {
     text +=
         "images differ in size: the simulated drive's counts and disparities are scaled to the "

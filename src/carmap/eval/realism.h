@@ -44,7 +44,7 @@ enum class Measure : size_t {
   kHamming,
   kAmbiguous,
   kTrackFrames,
-  kTrackMetres,
+  kTrackMetres,  ///< mean of the tracks that begin in one frame
   kMetresPerFrame,
   kCount
 };

@@ -60,6 +60,10 @@ TEST(RealismMeter, MeasuresWhatIsKnownOfAWall) {
   EXPECT_GT(MedianOf(drive, Measure::kRepeatability), 60);
   EXPECT_LT(MedianOf(drive, Measure::kPlaceDistance), 0.25);
   EXPECT_GE(DistributionOf(drive[Measure::kTrackFrames]).mean, 4);
+  // Of 13 frames three may begin a track; one of n frames is n - 1 steps long.
+  ASSERT_EQ(drive[Measure::kTrackMetres].size(), 3);
+  EXPECT_NEAR(DistributionOf(drive[Measure::kTrackMetres]).mean,
+              0.12 * (DistributionOf(drive[Measure::kTrackFrames]).mean - 1), 0.02);
   for (size_t level = 0; level < kLevelCount; ++level) {
     EXPECT_EQ(drive.samples[static_cast<size_t>(Measure::kStrongCorners) + level].size(), 13);
   }
