@@ -60,4 +60,17 @@ uint32_t Fleet::Draw(std::span<const KindWeight> mix, HashSequence& random) cons
   return static_cast<uint32_t>(first - bodies_.begin()) + random.Below(looks);
 }
 
+std::optional<uint32_t> Fleet::NextShorter(uint32_t body) const {
+  constexpr double kLongestCarM = 4.8, kLessM = 0.2;
+  if (bodies_[body].length_m < kLongestCarM) return std::nullopt;
+  std::optional<uint32_t> shorter;
+  for (uint32_t i = 0; i < bodies_.size(); ++i) {
+    const std::string_view kind = bodies_[i].kind;
+    if (kind != "lorry" && kind != "van" && kind != "hatchback") continue;
+    if (bodies_[i].length_m > bodies_[body].length_m - kLessM) continue;
+    if (!shorter || bodies_[i].length_m > bodies_[*shorter].length_m) shorter = i;
+  }
+  return shorter;
+}
+
 }  // namespace carmap

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -36,6 +37,8 @@ class Fleet {
   const std::vector<Body>& bodies() const { return bodies_; }
   /// Any look of a kind drawn by weight; an index into bodies(). The kinds must exist.
   uint32_t Draw(std::span<const KindWeight> mix, HashSequence& random) const;
+  /// A lorry, van or car in the place of a longer vehicle; none for cars and what is no vehicle.
+  std::optional<uint32_t> NextShorter(uint32_t body) const;
 
  private:
   std::vector<Mesh> models_;

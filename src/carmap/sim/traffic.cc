@@ -265,7 +265,7 @@ struct Traffic::Impl {
     return boxes;
   }
 
-  /// For one that has no room: a car instead of a lorry; a line nearer to the lane's middle for who
+  /// For one that has no room: the next shorter vehicle; a line nearer to the lane's middle for who
   /// rides beside it. False where there is nothing else to try.
   bool Adapt(Course& course) const {
     const Body& body = BodyOf(course.body);
@@ -273,15 +273,13 @@ struct Traffic::Impl {
       for (Course::Place& place : course.places) place.left_m += 0.1 * course.direction;
       return true;
     }
-    if (body.length_m < 5) return false;
-    const Mix small = {{"hatchback", 1}};
-    HashSequence random(HashKeys(seed_, kInstead), courses_.size());
-    course.body = fleet_->Draw(small, random);
-    return true;
+    const std::optional<uint32_t> shorter = fleet_->NextShorter(course.body);
+    if (shorter) course.body = *shorter;
+    return shorter.has_value();
   }
 
   void Accept(std::vector<Course> courses, Timetable& timetable) {
-    constexpr int kAttempts = 4;
+    constexpr int kAttempts = 6;
     for (Course& course : courses) {
       std::vector<GroundBox> boxes = RoomFor(course, timetable);
       for (int attempt = 1; attempt < kAttempts && boxes.empty() && Adapt(course); ++attempt) {

@@ -58,6 +58,7 @@ class LeaderSimulation {
       if (target_headway_s_ == far_headway_s_ && GapTo(EgoAt(step)) > options_.sight_m) {
         EndGroup(step + 1);
         BeginNear();
+        headway_s_ = options_.sight_m / ego_.cruise_mps();
         AddGroup(EgoAt(step), options_.sight_m);
       }
       Record();
@@ -99,7 +100,7 @@ class LeaderSimulation {
     if ((hold_s_ -= kStepS) > 0) return;
     if (is_further_off_) {
       BeginNear();
-    } else if (random_.Chance(0.35)) {
+    } else if (random_.Chance(0.3)) {
       target_headway_s_ = far_headway_s_;
       hold_s_ = std::numeric_limits<double>::infinity();
     } else {
