@@ -273,17 +273,19 @@ void MeshBuilder::Ellipsoid(const Vector3f& centre, const Vector3f& radii_m, int
 
 void MeshBuilder::Leaf(const Vector3f& stem, const Vector3f& out, float leaf_m, SurfaceIdx surface,
                        HashSequence& random) {
-  const Vector3f along = (RandomDirection(random) + 0.7f * out).normalized();
-  const Vector3f across = along.cross(RandomDirection(random)).normalized();
   const auto between = [&](double low, double high) {
     return static_cast<float>(random.Between(low, high));
   };
-  const float length = leaf_m * between(0.7, 1.3), width = length * between(0.35, 0.55);
-  const float bulge = length * between(0.35, 0.6);
+  const Vector3f along = (RandomDirection(random) + 0.7f * out).normalized();
+  const Vector3f across = along.cross(RandomDirection(random)).normalized();
+  const float length = leaf_m * between(0.6, 1.4);
   const Vector3f fold = length * between(-0.25, 0.25) * along.cross(across);
-  const Vector2f uv(between(0, 10), between(0, 10));
-  Quad(stem, stem + bulge * along - width * across + fold, stem + length * along,
-       stem + bulge * along + width * across + fold, surface, uv);
+  const auto edge = [&](float side) -> Vector3f {
+    return stem + length * (between(0.25, 0.75) * along + side * between(0.25, 0.6) * across) +
+           fold;
+  };
+  const Vector3f right = edge(-1), left = edge(1);
+  Quad(stem, right, stem + length * along, left, surface, {between(0, 10), between(0, 10)});
 }
 
 void MeshBuilder::LeafCluster(const Vector3f& centre, const Vector3f& radii_m, int leaves,

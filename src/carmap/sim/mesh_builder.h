@@ -79,8 +79,8 @@ class MeshBuilder {
   void Ellipsoid(const Eigen::Vector3f& centre, const Eigen::Vector3f& radii_m, int sides,
                  int rings, SurfaceIdx surface);
 
-  /// A leaf of about `leaf_m` that grows from `stem`, more or less in the direction `out`: a kite,
-  /// folded along its middle.
+  /// A leaf of about `leaf_m` that grows from `stem`, more or less in the direction `out`: an
+  /// uneven kite, folded along its middle.
   void Leaf(const Eigen::Vector3f& stem, const Eigen::Vector3f& out, float leaf_m,
             SurfaceIdx surface, HashSequence& random);
   /// Leaves of about `leaf_m`, turned at random, in and near the surface of an ellipsoid.

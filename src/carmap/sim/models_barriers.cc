@@ -149,6 +149,7 @@ Mesh SoundWall(uint32_t variant) {
   } else {  // cassettes of metal, in two greys
     const SurfaceIdx light = b.Use({Pattern::kMetal, 0.5f, 0.8f, 0.03f, kWall});
     const SurfaceIdx dark = b.Use({Pattern::kMetal, 0.25f, 0.8f, 0.03f, kWall});
+    b.Box({-1.8f, -0.04f, 0.5f}, {2, 0.04f, height_m}, dark, false);
     int row = 0;
     for (float z = 0.5f; z < height_m - 0.01f; z += 0.5f, ++row) {
       const float bulge = row % 2 ? 0.07f : 0.06f;

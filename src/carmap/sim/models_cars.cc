@@ -24,10 +24,10 @@ struct CarShape {
   float roof_half_width_m;
   /// (from, to) along the belt of the windows of a side, from the front. What is between is pillar.
   std::vector<Vector2f> windows;
-  float rear_lean = 1;  ///< 0: the tail is upright
+  float rear_round = 1;  ///< 0: the tail is a box's
   bool rear_glass = true;
   bool roof_rails = false;
-  bool dark_bumpers = false;
+  enum { kPainted, kLow, kHigh } dark_bumpers = kPainted;  ///< how far up they are of dark plastic
 };
 
 float Along(const std::vector<Vector2f>& line, float at) {
@@ -47,10 +47,11 @@ class CarBody {
   CarBody(const CarShape& shape, float paint_albedo)
       : shape_(shape),
         paint_(builder_.Use({Pattern::kCarPaint, paint_albedo, 1, 0.15f, kCar})),
+        seam_(builder_.Use({Pattern::kCarPaint, 0.4f * paint_albedo, 1, 0, kCar})),
         dark_(builder_.Use({Pattern::kPlain, 0.035f, 1, 0.03f, kCar})),
-        glass_(builder_.Use({Pattern::kGlass, 0.04f, 1, 0.5f, kCar})),
+        glass_(builder_.Use({Pattern::kGlass, 0.04f, 1, 0.3f, kCar})),
         head_light_(builder_.Use({Pattern::kPlain, 0.65f, 1, 0.35f, kCar})),
-        tail_light_(builder_.Use({Pattern::kPlain, 0.1f, 1, 0.06f, kCar})),
+        tail_light_(builder_.Use({Pattern::kPlain, 0.16f, 1, 0.1f, kCar})),
         metal_(builder_.Use({Pattern::kMetal, 0.45f, 0.6f, 0.15f, kCar})) {}
 
   Mesh Build() && {
@@ -69,11 +70,14 @@ class CarBody {
  private:
   float X(float along) const { return shape_.length_m / 2 - along; }
 
+  float Roundness(float along) const { return along > shape_.length_m / 2 ? shape_.rear_round : 1; }
+
   /// How the body narrows to its ends, seen from above.
   float HalfWidth(float along) const {
     const float from_end = std::min(along, shape_.length_m - along);
     return shape_.width_m / 2 *
-           Along({{0, 0.84f}, {0.12f, 0.9f}, {0.35f, 0.96f}, {0.8f, 1}}, from_end);
+           (1 - Roundness(along) *
+                    Along({{0, 0.16f}, {0.12f, 0.1f}, {0.35f, 0.04f}, {0.8f, 0}}, from_end));
   }
 
   /// The sill, or the edge of a wheel arch.
@@ -100,8 +104,7 @@ class CarBody {
     const float height =
         std::max(heights[level], std::min(low + 0.025f * static_cast<float>(level), deck));
     const float middle = shape_.length_m / 2;
-    const float lean =
-        kLean[level] * (middle - along) / middle * (along > middle ? shape_.rear_lean : 1);
+    const float lean = kLean[level] * (middle - along) / middle * Roundness(along);
     return {X(along) - lean - Recess(along, 1), HalfWidth(along) * kWidth[level], height};
   }
 
@@ -114,7 +117,8 @@ class CarBody {
   /// How far the ends are arched back from their middle; next to nothing at the wheels.
   float Recess(float along, float share) const {
     const float middle = shape_.length_m / 2, to_end = (middle - along) / middle;
-    return 0.13f * std::pow(to_end, 4.f) * (to_end > 0 ? share * share : -share * share);
+    return 0.13f * Roundness(along) * std::pow(to_end, 4.f) *
+           (to_end > 0 ? share * share : -share * share);
   }
 
   std::vector<float> Stations() const {
@@ -134,7 +138,7 @@ class CarBody {
     return stations;
   }
 
-  static constexpr std::array<float, 5> kColumns = {-1, -0.6f, 0, 0.6f, 1};
+  static constexpr std::array<float, 5> kColumns = {-1, -0.7f, 0, 0.7f, 1};
 
   void AddSides() {
     const std::vector<float> stations = Stations();
@@ -145,7 +149,7 @@ class CarBody {
         ring.push_back(
             SidePoint(along, static_cast<Level>(level)).cwiseProduct(Vector3f(1, -1, 1)));
       }
-      for (const float share : {-0.6f, 0.f, 0.6f}) ring.push_back(OnDeck(along, share));
+      for (const float share : {-0.7f, 0.f, 0.7f}) ring.push_back(OnDeck(along, share));
       for (int level = kLevels; level-- > 0;)
         ring.push_back(SidePoint(along, static_cast<Level>(level)));
     }
@@ -159,7 +163,7 @@ class CarBody {
       }
       if (level == kCrease && to <= 0.36f) return head_light_;
       if (level == kCrease && from >= shape_.length_m - 0.13f) return tail_light_;
-      if (level == kSill && shape_.dark_bumpers) return dark_;
+      if (level == kSill && shape_.dark_bumpers != CarShape::kPainted) return dark_;
       return paint_;
     });
   }
@@ -185,8 +189,8 @@ class CarBody {
       const bool outer = column == 0 || column == 3;
       if (level == kCrease && outer) return front ? head_light_ : tail_light_;
       if (front && !outer && level == kCrease) return dark_;  // the grille
-      if (level == kSill && (!outer || shape_.dark_bumpers)) return dark_;
-      if (level == kLower && shape_.dark_bumpers) return dark_;
+      if (level == kSill && (!outer || shape_.dark_bumpers != CarShape::kPainted)) return dark_;
+      if (level == kLower && shape_.dark_bumpers == CarShape::kHigh) return dark_;
       return paint_;
     });
     const Vector3f low = rows[kLower][2], crease = rows[kCrease][2], shoulder = rows[kShoulder][2];
@@ -371,14 +375,14 @@ class CarBody {
         return on.cwiseProduct(Vector3f(1, side, 1));
       };
       const Vector2f left = from + side * across, right = from - side * across;
-      builder_.Quad(at(right), at(left), at(left + (to - from)), at(right + (to - from)), dark_);
+      builder_.Quad(at(right), at(left), at(left + (to - from)), at(right + (to - from)), seam_);
     }
   }
 
   void AddDoor(float from, float to) {
     for (const float along : {from, to}) {
       for (int level = kSill; level < kDeckEdge; ++level) {
-        AddSeam({along, static_cast<float>(level)}, {along, static_cast<float>(level + 1)}, 0.012f);
+        AddSeam({along, static_cast<float>(level)}, {along, static_cast<float>(level + 1)}, 0.018f);
       }
     }
     const Vector3f handle = SidePoint(to - 0.18f, kShoulder);
@@ -418,7 +422,7 @@ class CarBody {
 
   const CarShape& shape_;
   MeshBuilder builder_;
-  SurfaceIdx paint_, dark_, glass_, head_light_, tail_light_, metal_;
+  SurfaceIdx paint_, seam_, dark_, glass_, head_light_, tail_light_, metal_;
 };
 
 /// Paint of one variant after the other: black, silver, white, dark blue or green, red, grey.
@@ -440,7 +444,7 @@ Mesh Hatchback(uint32_t variant) {
     shape.height_m = 1.41f;
     shape.cowl_m = 1.15f, shape.roof_front_m = 1.85f, shape.roof_rear_m = 3.5f;
     shape.windows = {{1.36f, 2.35f}, {2.47f, 3.35f}};
-    shape.dark_bumpers = true;
+    shape.dark_bumpers = CarShape::kHigh;
   }
   return CarBody(shape, PaintOf(variant)).Build();
 }
@@ -468,7 +472,7 @@ Mesh Estate(uint32_t variant) {
       4.05f, 4.42f,
       0.58f, {{1.43f, 2.35f}, {2.45f, 3.3f}, {3.42f, 4.12f}}};
   shape.roof_rails = true;
-  shape.dark_bumpers = variant % 2 == 1;
+  if (variant % 2 == 1) shape.dark_bumpers = CarShape::kLow;
   return CarBody(shape, PaintOf(variant + 3)).Build();
 }
 
@@ -481,7 +485,7 @@ Mesh Suv(uint32_t variant) {
                     3.85f, 4.3f,
                     0.62f, {{1.36f, 2.28f}, {2.38f, 3.2f}, {3.32f, 3.95f}}};
   shape.roof_rails = variant % 2 == 0;
-  shape.dark_bumpers = true;
+  shape.dark_bumpers = CarShape::kLow;
   return CarBody(shape, PaintOf(variant + 2)).Build();
 }
 
@@ -494,7 +498,7 @@ Mesh Van(uint32_t variant) {
                     5.4f,  5.42f,
                     0.86f, {{1.15f, 2.0f}}};
   shape.rear_glass = false;
-  shape.rear_lean = 0.1f;
+  shape.rear_round = 0.15f;
   if (variant % 2 == 1) {  // for passengers
     shape.windows = {{1.15f, 2.0f}, {2.12f, 3.3f}, {3.42f, 4.4f}, {4.5f, 5.2f}};
     shape.rear_glass = true;
@@ -504,7 +508,7 @@ Mesh Van(uint32_t variant) {
     shape.windows.back().y() = 4.95f;
     shape.roof_rear_m = 5.0f, shape.rear_base_m = 5.1f;
   }
-  shape.dark_bumpers = true;
+  shape.dark_bumpers = CarShape::kLow;
   return CarBody(shape, PaintOf(variant + 2)).Build();
 }
 

@@ -18,7 +18,7 @@ struct LongVehicle {
       : label(shown_as),
         paint(b.Use({Pattern::kCarPaint, paint_albedo, 1, 0.12f, shown_as})),
         dark(b.Use({Pattern::kPlain, 0.04f, 1, 0.02f, shown_as})),
-        glass(b.Use({Pattern::kGlass, 0.04f, 1, 0.45f, shown_as})),
+        glass(b.Use({Pattern::kGlass, 0.04f, 1, 0.3f, shown_as})),
         metal(b.Use({Pattern::kMetal, 0.4f, 1, 0.08f, shown_as})),
         light(b.Use({Pattern::kPlain, 0.65f, 1, 0.3f, shown_as})),
         tail_light(b.Use({Pattern::kPlain, 0.1f, 1, 0.05f, shown_as})),
@@ -130,9 +130,9 @@ void AddLoad(LongVehicle& v, float rear, float front, float half, float top, boo
              uint32_t variant) {
   const float floor = 1.15f;
   const SurfaceIdx cover =
-      tarpaulin
-          ? v.b.Use({Pattern::kFabric, std::array{0.6f, 0.3f, 0.45f}[variant % 3], 1, 0, v.label})
-          : v.b.Use({Pattern::kMetal, 0.65f, 0.6f, 0.06f, v.label});
+      tarpaulin ? v.b.Use({Pattern::kFabric, std::array{0.6f, 0.3f, 0.45f}[variant % 3], 0.4f, 0,
+                           v.label})
+                : v.b.Use({Pattern::kMetal, 0.65f, 0.6f, 0.06f, v.label});
   HashSequence random(0x7a59, variant);
   const int bays = tarpaulin ? 14 : 2;
   for (const float side : {1.f, -1.f}) {

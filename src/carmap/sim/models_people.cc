@@ -16,7 +16,7 @@ constexpr float kTau = 2 * static_cast<float>(M_PI);
 constexpr uint32_t kPhases = 8;
 /// Measures of a person 1.75 m tall.
 constexpr float kThighM = 0.43f, kShinM = 0.42f, kUpperArmM = 0.3f, kForearmM = 0.26f;
-constexpr float kHipM = 0.92f, kHipHalfM = 0.09f, kShoulderM = 1.43f, kShoulderHalfM = 0.19f;
+constexpr float kHipM = 0.92f, kHipHalfM = 0.09f, kShoulderM = 1.37f, kShoulderHalfM = 0.17f;
 constexpr float kStepRad = 0.435f;  ///< a thigh's swing to either side
 
 enum class Outfit { kJacket, kCoat, kShirt, kSkirt };
@@ -86,7 +86,8 @@ class Figure {
   void Arm(const Vector3f& shoulder, const Vector3f& elbow, const Vector3f& hand) {
     const bool bare = look_.outfit == Outfit::kShirt;
     const float g = look_.girth * (look_.outfit == Outfit::kShirt ? 0.9f : 1.1f);
-    b_.Tube({shoulder, elbow}, {0.058f * g, 0.045f * g}, 6, top_);
+    b_.Ellipsoid(shoulder, {0.058f * g, 0.055f * g, 0.055f * g}, 7, 4, top_);
+    b_.Tube({shoulder, elbow}, {0.052f * g, 0.043f * g}, 6, top_);
     b_.Tube({elbow, hand}, {0.043f * g, 0.03f * g}, 6, bare ? skin_ : top_);
     b_.Ellipsoid(hand + 0.05f * (hand - elbow).normalized(), {0.04f, 0.03f, 0.05f}, 6, 4, skin_);
   }
@@ -190,7 +191,7 @@ Mesh Pedestrian(uint32_t variant) {
     // Arms swing against the legs.
     const float swing = -0.8f * kStepRad * std::sin(own),
                 elbow_bend = 0.3f + 0.2f * std::max(0.f, swing);
-    const Vector3f shoulder(0, side * (kShoulderHalfM * look.girth), kShoulderM - 0.03f);
+    const Vector3f shoulder(0, side * (kShoulderHalfM * look.girth), kShoulderM);
     const Vector3f out(0, side * 0.12f, 0);
     const Vector3f elbow = shoulder + kUpperArmM * (Down(swing) + out).normalized();
     const Vector3f hand = elbow + kForearmM * Down(swing + elbow_bend);
@@ -243,7 +244,7 @@ void AddRider(MeshBuilder& b, Figure& figure, const Seat& seat,
     const Vector3f ankle = feet[i] + Vector3f(-0.08f, 0, 0.06f);
     figure.Leg(hip, Joint(hip, ankle, kThighM, kShinM, Vector3f(1, 0, 0.3f)), ankle,
                Vector3f(0.98f, 0, -0.2f));
-    const Vector3f shoulder = back * Vector3f(0, side * kShoulderHalfM, kShoulderM - kHipM - 0.03f);
+    const Vector3f shoulder = back * Vector3f(0, side * kShoulderHalfM, kShoulderM - kHipM);
     const Vector3f hand = seat.grip.cwiseProduct(Vector3f(1, side, 1));
     figure.Arm(shoulder, Joint(shoulder, hand, kUpperArmM, kForearmM, Vector3f(-0.3f, side, -1)),
                hand);

@@ -250,9 +250,10 @@ void AddSpruce(MeshBuilder& b, const ConiferShape& shape, uint64_t seed) {
       const float angle = turn + kTau * (static_cast<float>(i) + Between(random, -0.3, 0.3)) /
                                      static_cast<float>(branches);
       const float reach = shape.radius_m * (1 - 0.93f * share) * Between(random, 0.75, 1.1);
-      const Vector3f from(0, 0, z + Between(random, -0.1, 0.1));
-      const float drop = reach * (shape.droop * (1 - share) - 0.5f * share);
-      Vector3f tip = from + Vector3f(reach * std::cos(angle), reach * std::sin(angle), -drop);
+      const Vector3f from(0, 0, z + Between(random, -0.28, 0.28));
+      const float droop = shape.droop * (1 - share) - 0.5f * share + Between(random, -0.2, 0.2);
+      Vector3f tip =
+          from + Vector3f(reach * std::cos(angle), reach * std::sin(angle), -reach * droop);
       tip.z() = std::max(tip.z(), 0.2f);  // the lowest lie on the ground
       const int sprays =
           std::max(4, static_cast<int>(static_cast<float>(shape.sprays) * (1 - 0.6f * share)));
@@ -359,21 +360,25 @@ Mesh Hedge(uint32_t variant) {
     return 0.03f * std::sin(static_cast<float>(M_PI) * x + phase) +
            0.025f * std::sin(5 * z + phase);
   };
-  const float around = 2 * height_m + 2 * half;
-  const int count = static_cast<int>(320 * around);
+  // The two long faces, the top, the ends, as one strip.
+  const float ends = 2 * height_m, top = ends + 2 * half, around = top + height_m;
+  const int count = static_cast<int>(250 * around);
   for (int i = 0; i < count; ++i) {
     const float x = Between(random, -1, 1), s = Between(random, 0, around);
     Vector3f stem, out;
-    if (s < 2 * height_m) {
+    if (s < ends) {
       const float side = s < height_m ? 1.f : -1.f, z = s < height_m ? s : s - height_m;
       stem = {x, side * (half - 0.05f + wave(x, z)), 0.03f + 0.95f * z};
       out = {0, side, 0.5f};
-    } else {
-      stem = {x, s - 2 * height_m - half, height_m - 0.06f + wave(x, s)};
+    } else if (s < top) {
+      stem = {x, s - ends - half, height_m - 0.06f + wave(x, s)};
       out = Vector3f::UnitZ();
+    } else {
+      stem = {x < 0 ? -0.97f : 0.97f, half * (2 * std::abs(x) - 1), 0.03f + 0.95f * (s - top)};
+      out = {x, 0, 0.5f};
     }
     const float depth = Between(random, -0.1, 0.03);
-    b.Leaf(stem + depth * out, out.normalized(), 0.13f, i % 4 ? leaves : lighter, random);
+    b.Leaf(stem + depth * out, out.normalized(), 0.14f, i % 4 ? leaves : lighter, random);
   }
   return std::move(b).Build();
 }
