@@ -71,11 +71,14 @@ std::vector<Lot> DivideIntoLots(Site& site, const RoadSide& side) {
   return lots;
 }
 
-/// Whether the ground beside a building is free: then that side has windows.
+/// Whether a part of the ground beside a building is free: then that side has windows.
 bool IsOpen(const Site& site, const Lot& lot, double towards_x) {
   const GroundBox box = FacadeBox(lot.facade, lot.origin, lot.heading_rad);
-  const double beyond = 1 + 1.5 / box.half_length_m;
-  return site.occupancy().IsFree({box.At(towards_x * beyond, 0), lot.heading_rad, 0.3, 2});
+  const double beyond = towards_x * (1 + 1.2 / box.half_length_m);
+  for (const double inwards : {-0.8, 0.0, 0.8}) {
+    if (site.occupancy().IsFree({box.At(beyond, inwards), lot.heading_rad, 0.3, 0.5})) return true;
+  }
+  return false;
 }
 
 void BuildLot(Site& site, Lot lot) {
@@ -94,6 +97,20 @@ void BuildLot(Site& site, Lot lot) {
   }
 }
 
+/// A building across the end of a street.
+void CloseDeadEnd(Site& site, const RoadSide& side, std::vector<Lot>* lots) {
+  HashSequence draw = side.Draw(0x656e64);
+  const RoutePoint end = side.line->path.At(side.length_m() + side.sidewalk_m() + 0.3);
+  Lot lot{.side = side, .facade = DrawFacade(draw), .origin = end.position_in_enu};
+  lot.heading_rad = end.heading_rad - M_PI / 2;
+  lot.facade.width_m = std::max(lot.facade.width_m, 14.0f);
+  lot.seed = draw.Next();
+  const GroundBox box = FacadeBox(lot.facade, lot.origin, lot.heading_rad);
+  if (!site.IsFree(box, 0.2)) return;
+  site.occupancy().Add(box);
+  lots->push_back(lot);
+}
+
 void FurnishCorners(Site& site, const RoadSide& side) {
   HashSequence draw = side.Draw(0x636f726e);
   const auto place = [&](std::string_view kind, double s, double out_m) {
@@ -103,10 +120,10 @@ void FurnishCorners(Site& site, const RoadSide& side) {
   for (const CentreLine::Junction& junction : side.line->junctions) {
     const bool signals = UnitHash(side.line->seed, static_cast<uint64_t>(junction.begin_m)) < 0.6;
     // Where one who drives on this side comes up to it.
-    const double s = side.side < 0 ? junction.begin_m - 2.2 : junction.end_m + 2.2;
+    const double s = side.side < 0 ? junction.begin_m - 4 : junction.end_m + 4;
     if (s < 2 || s > side.length_m() - 2) continue;
-    if (signals) place("traffic-light", s, 0.45);
-    place("street-name", s - 1.2, 0.8);
+    if (signals) place("traffic-light", s, 0.6);
+    place("street-name", s + side.side * 1.2, 0.8);
     for (double back = 6; back < 14; back += 1.6) {
       if (draw.Chance(0.7)) place("bollard", s + side.side * back, 0.4);
     }
@@ -217,6 +234,9 @@ void FurnishDowntown(Site& site) {
   for (const RoadSide& side : sides) {
     const std::vector<Lot> along = DivideIntoLots(site, side);
     lots.insert(lots.end(), along.begin(), along.end());
+  }
+  for (const RoadSide& side : sides) {
+    if (side.side > 0 && IsDeadEnd(*side.line)) CloseDeadEnd(site, side, &lots);
   }
   for (const Lot& lot : lots) BuildLot(site, lot);
   for (const RoadSide& side : sides) {

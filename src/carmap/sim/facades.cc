@@ -267,7 +267,7 @@ void AddFacade(const FacadeSpec& spec, const Affine3f& frame, HashSequence& draw
             s.wall, s.reveal, draw, builder);
   };
   side({half, 0, 0}, kHalfPi, d, spec.right_open);
-  side({half, d, 0}, 2 * kHalfPi, spec.width_m, false);
+  side({half, d, 0}, 2 * kHalfPi, spec.width_m, true);
   side({-half, d, 0}, -kHalfPi, d, spec.left_open);
   builder.SetFrame(frame);
   builder.Box({-half, 0, -1.5f}, {half, d, 0.1f}, s.ground_wall, false);

@@ -34,6 +34,52 @@ void AddGantries(Site& site, const RoadSide& side) {
   }
 }
 
+/// A road that crosses above: a deck with railings, a wall at each end, a pier in the middle.
+bool BuildBridge(Site& site, const CentreLine& line, double along_m, HashSequence& draw) {
+  constexpr float kClearM = 5.4f, kTopM = 6.7f, kHalfM = 4.5f, kBeyondM = 4, kAbutmentM = 9;
+  const RoutePoint at = line.path.At(along_m);
+  const auto half_span = static_cast<float>(line.section.Edge(1)) + kBeyondM;
+  const float end = half_span + kAbutmentM;
+  const double across = at.heading_rad + M_PI / 2;
+  if (!site.occupancy().IsFree({at.position_in_enu, across, end + 1, kHalfM + 0.5})) return false;
+  const double reach_m = (kBeyondM + kAbutmentM) / 2;
+  for (const int side : {-1, 1}) {
+    const RoutePoint foot = line.path.At(along_m, side * (end - reach_m + 0.3));
+    site.occupancy().Add({foot.position_in_enu, across, reach_m, kHalfM + 0.5});
+  }
+  site.occupancy().Add({at.position_in_enu, across, 0.9, kHalfM});
+
+  MeshBuilder& builder = site.TileAt(at.position_in_enu);
+  builder.SetFrame(site.FrameInTile(at.position_in_enu, site.At(at.position_in_enu), across));
+  const SurfaceIdx concrete =
+      builder.Use({Pattern::kConcrete, static_cast<float>(draw.Between(0.3, 0.5)), 1, 0,
+                   SemanticClass::kBuilding});
+  const SurfaceIdx steel = builder.Use({Pattern::kMetal, 0.3f, 1, 0, SemanticClass::kFence});
+  builder.Box({-end, -kHalfM, kClearM}, {end, kHalfM, kTopM}, concrete);
+  builder.Box({-0.4f, -kHalfM + 1, -1}, {0.4f, kHalfM - 1, kClearM}, concrete, false);
+  for (const float side : {-1.f, 1.f}) {
+    const float near = side > 0 ? half_span : -end, far = side > 0 ? end : -half_span;
+    builder.Box({near, -kHalfM + 0.3f, -3}, {far, kHalfM - 0.3f, kClearM}, concrete, false);
+    const float y = side * (kHalfM - 0.15f);
+    builder.Box({-end, y - 0.15f, kTopM}, {end, y + 0.15f, kTopM + 0.35f}, concrete);
+    for (const float z : {0.7f, 1.05f}) {
+      builder.Box({-end, y - 0.03f, kTopM + z}, {end, y + 0.03f, kTopM + z + 0.06f}, steel);
+    }
+    for (float x = -end; x <= end; x += 2) {
+      builder.Box({x - 0.03f, y - 0.03f, kTopM + 0.35f}, {x + 0.03f, y + 0.03f, kTopM + 1.1f},
+                  steel, false);
+    }
+  }
+  return true;
+}
+
+void AddBridges(Site& site, const CentreLine& line) {
+  HashSequence draw(line.seed, 0x62726964);
+  for (double s = draw.Between(150, 500); s < line.path.length_m() - 100;) {
+    s += BuildBridge(site, line, s, draw) ? draw.Between(450, 1000) : 25;
+  }
+}
+
 /// Sound walls or woods beyond the rail, stretch by stretch.
 void LineWithWalls(Site& site, const RoadSide& side) {
   HashSequence draw = side.Draw(0x77616c6c);
@@ -58,7 +104,7 @@ void PlantVerge(Site& site, const RoadSide& side) {
     // Wooded and open stretches of about a hundred metres.
     const double wave = std::sin(s / 37 + draw.Below(2)) + std::sin(s / 83);
     for (const double out_m : {5.5, 9.0, 14.0, 20.0, 28.0}) {
-      if (!draw.Chance(wave > 0 ? 0.45 : 0.12)) continue;
+      if (!draw.Chance(wave > 0 ? 0.36 : 0.1)) continue;
       const double kind = draw.Unit();
       const bool bush = kind < (out_m < 8 ? 0.85 : 0.35);
       site.Place(bush ? "bush" : (kind > 0.85 ? "conifer" : "tree"),
@@ -119,15 +165,7 @@ void FurnishVerge(Site& site, const RoadSide& side) {
          2);
   AddRow(site, side, {.kind = "billboard", .spacing_m = 330, .jitter_m = 150, .out_m = 4.6}, 3);
   AddRow(site, side, {.kind = "electric-box", .spacing_m = 210, .jitter_m = 90, .out_m = 2}, 4);
-  AddRow(site, side,
-         {.kind = "pole",
-          .spacing_m = 60,
-          .jitter_m = 4,
-          .out_m = 7,
-          .scale_low = 1.2,
-          .scale_high = 1.3,
-          .one_variant = true},
-         5);
+  if (draw.Chance(0.5)) AddPoleLine(site, side, 7, 55, 0);
 }
 
 }  // namespace
@@ -136,18 +174,18 @@ void FurnishFreeway(Site& site) {
   const std::vector<RoadSide> sides = RoadSidesOf(site);
   for (const RoadSide& side : sides) AddGantries(site, side);
   for (const CentreLine& line : site.roads().lines()) {
-    if (line.kind == CentreLine::Kind::kMain) AddMedian(site, line);
+    if (line.kind != CentreLine::Kind::kMain) continue;
+    AddBridges(site, line);
+    AddMedian(site, line);
   }
-  for (const RoadSide& side : sides) {
-    FurnishVerge(site, side);
-    LineWithWalls(site, side);
-  }
+  for (const RoadSide& side : sides) LineWithWalls(site, side);
+  for (const RoadSide& side : sides) FurnishVerge(site, side);
   for (const RoadSide& side : sides) BuildFarOff(site, side);
   for (const RoadSide& side : sides) {
     PlantVerge(site, side);
     AddRoadWear(site, side);
   }
-  FillWithGreen(site, {.near_share = 0.2, .far_share = 0.3, .edge_m = 6});
+  FillWithGreen(site, {.near_share = 0.15, .far_share = 0.2, .edge_m = 6});
 }
 
 }  // namespace carmap

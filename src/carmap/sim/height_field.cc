@@ -65,7 +65,8 @@ void BoxBlur(const double* in, double* out, int count, int stride, int radius) {
 }  // namespace
 
 HeightField::HeightField(const std::vector<Eigen::Vector2d>& roads,
-                         const std::vector<Eigen::Vector3d>& heights, uint64_t seed) {
+                         const std::vector<Eigen::Vector3d>& heights, uint64_t seed,
+                         const GroundBanks& banks) {
   Eigen::Vector2d low = roads.front(), high = roads.front();
   for (const Eigen::Vector2d& p : roads) {
     low = low.cwiseMin(p);
@@ -85,6 +86,7 @@ HeightField::HeightField(const std::vector<Eigen::Vector2d>& roads,
     AddRoads(heights);
   }
   AddHills(seed);
+  if (banks.height_m > 0) AddBanks(seed, banks);
 }
 
 Eigen::Vector2d HeightField::max_corner() const { return Centre(columns_ - 1, rows_ - 1); }
@@ -201,6 +203,19 @@ void HeightField::AddHills(uint64_t seed) {
       const double rise = SmoothStep(150, 800, road_distances_[i]);
       if (rise == 0) continue;
       heights_[i] += static_cast<float>(rise * (28 + 7 * waves.At(Centre(column, row))));
+    }
+  }
+}
+
+void HeightField::AddBanks(uint64_t seed, const GroundBanks& banks) {
+  const Waves waves(HashKeys(seed, 0x62616e6b), 250, 900);
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      const size_t i = Index(column, row);
+      const double rise = SmoothStep(banks.from_m, banks.to_m, road_distances_[i]);
+      // More often a cutting than an embankment.
+      const double wave = 0.4 + 0.6 * waves.At(Centre(column, row));
+      heights_[i] += static_cast<float>(rise * banks.height_m * std::clamp(wave, -0.6, 1.0));
     }
   }
 }

@@ -229,7 +229,10 @@ void AddHouse(const HouseSpec& spec, const Affine3f& frame, HashSequence& draw,
       windows = WindowGrid(sides[i].length, spec.floors, window_w, window_h, draw);
     }
     if (spec.detailed && i == 0) PutDoor(door, 1.1f, &windows);
-    if (spec.garage && i == 1) windows.clear();
+    if (spec.garage && i == 1) {
+      std::erase_if(windows,
+                    [](const WindowSpec& window) { return window.opening.bottom_m < 2.9f; });
+    }
     AddWall(frame * FrameAt(sides[i].origin, sides[i].yaw), sides[i].length, height, windows,
             m.windows, m.wall, m.reveal, draw, builder);
   }

@@ -31,6 +31,12 @@ Eigen::Vector3d TileOrigin(const std::pair<int, int>& key) {
   return {key.first * Site::kTileM, key.second * Site::kTileM, 0};
 }
 
+/// A motorway lies in cuttings and on embankments.
+GroundBanks BanksOf(Scene scene) {
+  if (scene != Scene::kFreeway) return {};
+  return {.height_m = 5, .from_m = 24, .to_m = 48};
+}
+
 }  // namespace
 
 Site::Site(Scene scene, const Route& route, const std::vector<Eigen::Vector3d>& heights,
@@ -38,8 +44,8 @@ Site::Site(Scene scene, const Route& route, const std::vector<Eigen::Vector3d>& 
     : scene_(scene),
       seed_(seed),
       roads_(scene, route, seed),
-      ground_(std::make_shared<RoadGround>(scene, roads_,
-                                           HeightField(roads_.Points(), heights, seed), seed)) {
+      ground_(std::make_shared<RoadGround>(
+          scene, roads_, HeightField(roads_.Points(), heights, seed, BanksOf(scene)), seed)) {
   constexpr double kPieceM = 3, kHalfWidthM = 1.15;
   for (double s = 0; s < route.length_m(); s += kPieceM) {
     const RoutePoint at = route.At(s + kPieceM / 2);
@@ -75,7 +81,8 @@ const Site::SharedModel& Site::ModelOf(std::string_view kind, uint32_t variant) 
   const auto known = model_by_kind_.find(key);
   if (known != model_by_kind_.end()) return known->second;
   Model model = MakeProp(kind, key.second);
-  const SharedModel shared{static_cast<uint32_t>(models_.size()), model.length_m, model.width_m};
+  const SharedModel shared{static_cast<uint32_t>(models_.size()), model.length_m, model.width_m,
+                           model.height_m};
   models_.push_back(std::move(model.mesh));
   return model_by_kind_.emplace(std::pair{model.kind, key.second}, shared).first->second;
 }

@@ -56,6 +56,10 @@ class Site {
   void PlaceAnyway(std::string_view kind, uint32_t variant, const Eigen::Vector2d& p_in_enu,
                    const Setting& setting, HashSequence& draw);
 
+  double HeightOf(std::string_view kind, uint32_t variant) {
+    return ModelOf(kind, variant).height_m;
+  }
+
   /// The mesh of the ground's square there, and what a frame at a place in `enu` is in it. The
   /// reference stays valid until the next call.
   MeshBuilder& TileAt(const Eigen::Vector2d& p_in_enu);
@@ -75,7 +79,7 @@ class Site {
  private:
   struct SharedModel {
     uint32_t idx;
-    float length_m, width_m;
+    float length_m, width_m, height_m;
   };
   const SharedModel& ModelOf(std::string_view kind, uint32_t variant);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "carmap/sim/ground_mesh.h"
 
@@ -51,6 +52,10 @@ std::vector<RoadSide> RoadSidesOf(const Site& site) {
   return sides;
 }
 
+bool IsDeadEnd(const CentreLine& line) {
+  return line.kind == CentreLine::Kind::kSide && !line.InJunction(line.path.length_m(), 3);
+}
+
 bool IsOffRoute(const Site& site, const Eigen::Vector2d& p, double distance_m) {
   return site.route_swath().IsFree({p, 0, distance_m, distance_m});
 }
@@ -65,7 +70,9 @@ void AddRoadWear(Site& site, const RoadSide& side) {
   for (double s = draw.Between(0, 20); s < side.length_m(); s += draw.Between(6, 30)) {
     const double kind = draw.Unit();
     const double turn = draw.Between(-0.04, 0.04);
-    if (kind < 0.3) {  // repaired
+    const bool freeway = site.scene() == Scene::kFreeway;
+    if (freeway && !draw.Chance(0.35)) continue;  // looked after better
+    if (kind < 0.3) {                             // repaired
       site.decals().push_back(
           Rectangle(at(s, share(0.1, 0.9)), draw.Between(1, 7), draw.Between(0.6, 2.6),
                     RoadCover(Pattern::kAsphalt, draw.Between(0.1, 0.25)), turn));
@@ -88,7 +95,7 @@ void AddRoadWear(Site& site, const RoadSide& side) {
         if (from_centre < 0.1 || from_centre > width_m - 0.1) break;
         heading += draw.Between(-0.5, 0.5);
       }
-    } else {  // a manhole cover in its frame
+    } else if (!freeway) {  // a manhole cover in its frame
       const RoutePoint p = at(s, share(0.1, 0.8));
       Decal frame = Rectangle(p, 0.78, 0.78, RoadCover(Pattern::kConcrete, 0.28));
       Decal cover = Rectangle(p, 0.6, 0.6, RoadCover(Pattern::kMetal, 0.09));
@@ -97,7 +104,7 @@ void AddRoadWear(Site& site, const RoadSide& side) {
       site.decals().push_back(cover);
     }
   }
-  if (site.scene() == Scene::kFreeway) return;
+  if (site.scene() == Scene::kFreeway) return;  // it has its gullies in the verge
   for (double s = draw.Between(0, 25); s < side.length_m(); s += draw.Between(18, 32)) {
     site.decals().push_back(
         Rectangle(at(s, width_m - 0.28), 0.5, 0.35, RoadCover(Pattern::kMetal, 0.07)));
@@ -188,17 +195,68 @@ void AddRow(Site& site, const RoadSide& side, const RowSpec& row, uint64_t strea
   }
 }
 
+namespace {
+
+/// A wire that sags, from `a` to `b`.
+void AddWire(Site& site, const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  constexpr int kPieces = 8;
+  constexpr double kSagShare = 0.02;
+  const Surface black = {
+      .pattern = Pattern::kRubber, .albedo = 0.05f, .label = SemanticClass::kUnlabelled};
+  const Eigen::Vector2d middle = (a + b).head<2>() / 2;
+  MeshBuilder& builder = site.TileAt(middle);
+  builder.SetFrame(site.FrameInTile(middle, Eigen::Vector3d::Zero(), 0));
+  Points3 path;
+  for (int i = 0; i <= kPieces; ++i) {
+    const double t = static_cast<double>(i) / kPieces;
+    Eigen::Vector3d p = a + t * (b - a);
+    p.z() -= 4 * t * (1 - t) * kSagShare * (b - a).norm();
+    path.push_back(p.cast<float>());
+  }
+  builder.Tube(path, std::vector<float>(path.size(), 0.018f), 3, builder.Use(black), false);
+}
+
+}  // namespace
+
+void AddPoleLine(Site& site, const RoadSide& side, double out_m, double spacing_m, double lift_m) {
+  constexpr double kWireM = 0.82;
+  HashSequence draw = side.Draw(0x77697265);
+  const auto variant = static_cast<uint32_t>(draw.Below(100));
+  std::optional<double> last;
+  for (double s = draw.Between(2, spacing_m); s < side.length_m() - 2; s += spacing_m) {
+    if (side.line->InJunction(s, 1) ||
+        !site.Place("pole", variant, side.At(s, out_m),
+                    {.heading_rad = side.Heading(s), .lift_m = lift_m}, draw)) {
+      continue;
+    }
+    if (last && s - *last < 2.2 * spacing_m) {
+      const double up_m = site.HeightOf("pole", variant) + lift_m - 0.07;
+      for (const double aside_m : {-kWireM, kWireM}) {
+        const Eigen::Vector3d up = up_m * Eigen::Vector3d::UnitZ();
+        AddWire(site, site.At(side.At(*last, out_m + aside_m)) + up,
+                site.At(side.At(s, out_m + aside_m)) + up);
+      }
+    }
+    last = s;
+  }
+}
+
 void AddModules(Site& site, const RoadSide& side, std::string_view kind, uint32_t variant,
                 double module_m, double begin_m, double end_m, double out_m, HashSequence& draw) {
   // As long as measured at that distance from the centre line, so that bends leave no gaps.
-  const double step_m = 1;
-  double covered_m = module_m / 2;
-  for (double s = begin_m; s + step_m <= end_m; s += step_m) {
-    covered_m += (side.At(s + step_m, out_m) - side.At(s, out_m)).norm();
-    if (covered_m < module_m) continue;
-    covered_m -= module_m;
-    site.Place(kind, variant, side.At(s, out_m),
-               {.heading_rad = side.Heading(s), .edge_m = std::min(0.25, out_m / 2)}, draw);
+  constexpr double kStepM = 0.5;
+  double left_m = module_m / 2;
+  for (double s = begin_m; s + kStepM <= end_m; s += kStepM) {
+    const double step_m = (side.At(s + kStepM, out_m) - side.At(s, out_m)).norm();
+    if (step_m < left_m) {
+      left_m -= step_m;
+      continue;
+    }
+    const double at_m = s + kStepM * left_m / step_m;
+    left_m += module_m - step_m;
+    if (at_m + module_m / 2 > end_m) break;
+    site.Place(kind, variant, side.At(at_m, out_m),
+               {.heading_rad = side.Heading(at_m), .edge_m = std::min(0.25, out_m / 2)}, draw);
   }
 }
 

@@ -33,6 +33,9 @@ struct RoadSide {
 /// Both sides of all lines but connectors, those that the route drives first.
 std::vector<RoadSide> RoadSidesOf(const Site& site);
 
+/// True where the line's end is that of a street that leads nowhere.
+bool IsDeadEnd(const CentreLine& line);
+
 /// True when the route drives nowhere within that of the place.
 bool IsOffRoute(const Site& site, const Eigen::Vector2d& p_in_enu, double distance_m);
 
@@ -56,6 +59,9 @@ struct RowSpec {
   bool one_variant = false;  ///< the same model all along
 };
 void AddRow(Site& site, const RoadSide& side, const RowSpec& row, uint64_t stream);
+
+/// Wooden poles with wires between them.
+void AddPoleLine(Site& site, const RoadSide& side, double out_m, double spacing_m, double lift_m);
 
 /// Modules of fences, hedges, rails: one after the other from `begin_m` to `end_m` along the road.
 /// `module_m` is the length of one.

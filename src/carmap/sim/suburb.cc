@@ -11,61 +11,137 @@
 namespace carmap {
 namespace {
 
-/// A house that was built, and the ground that belongs to it.
+/// How a stretch of a street is built up.
+enum class Style : uint8_t { kOldStreet, kGardens, kGreen, kBlocks, kPark };
+
+Style StyleAt(const RoadSide& side, double along_m) {
+  constexpr double kStretchM = 130;
+  const double style = UnitHash(HashKeys(side.line->seed, side.side > 0 ? 11 : 12),
+                                static_cast<uint64_t>(along_m / kStretchM));
+  if (style < 0.2) return Style::kOldStreet;
+  if (style < 0.55) return Style::kGardens;
+  if (style < 0.8) return Style::kGreen;
+  return style < 0.92 ? Style::kBlocks : Style::kPark;
+}
+
+/// A building, and the ground that belongs to it.
 struct Plot {
   RoadSide side;
-  HouseSpec house;
-  double begin_m, end_m;  ///< along the road
-  double house_m;         ///< of the house's origin along the road
-  double setback_m;       ///< of its front from the sidewalk
-  uint64_t seed;
+  Style style = Style::kGardens;
+  double left_m = 0, right_m = 0, depth_m = 0;  ///< of the building, from its origin
+  double begin_m = 0, end_m = 0;                ///< along the road
+  double house_m = 0;                           ///< of the building's origin along the road
+  double setback_m = 0;                         ///< of its front from the sidewalk
+  std::optional<double> garage_m;               ///< where its middle is along the road
+  uint64_t seed = 0;
 };
 
-/// Of a house whose origin is there.
-GroundBox HouseBox(const HouseSpec& spec, const Eigen::Vector2d& origin, double heading_rad) {
-  const double left = HouseLeft(spec), right = HouseRight(spec);
+GroundBox BuildingBox(double left_m, double right_m, double depth_m, const Eigen::Vector2d& origin,
+                      double heading_rad) {
   const Eigen::Vector2d x(std::cos(heading_rad), std::sin(heading_rad)), y(-x.y(), x.x());
-  return {origin + (right - left) / 2 * x + spec.depth_m / 2 * y, heading_rad, (left + right) / 2,
-          spec.depth_m / 2 + 0.45};
+  return {origin + (right_m - left_m) / 2 * x + depth_m / 2 * y, heading_rad,
+          (left_m + right_m) / 2, depth_m / 2 + 0.45};
 }
 
 /// True when it fitted.
 bool BuildHouse(Site& site, const HouseSpec& spec, const Eigen::Vector2d& origin,
                 double heading_rad, double edge_m, HashSequence draw) {
-  const GroundBox box = HouseBox(spec, origin, heading_rad);
+  const GroundBox box =
+      BuildingBox(HouseLeft(spec), HouseRight(spec), spec.depth_m, origin, heading_rad);
   if (!site.IsFree(box, edge_m)) return false;
   site.occupancy().Add(box);
   AddHouse(spec, site.FrameInTile(origin, site.At(origin), heading_rad), draw, site.TileAt(origin));
   return true;
 }
 
-void BuildHouses(Site& site, const RoadSide& side, std::vector<Plot>* plots) {
-  HashSequence draw = side.Draw(0x686f7573);
-  const bool dense = draw.Chance(0.25);  // an old street, its houses at the sidewalk
-  const double usual_setback_m = dense ? draw.Between(0.1, 1) : draw.Between(3.2, 6.5);
-  for (double s = draw.Between(2, 8); s < side.length_m() - 6;) {
-    if (!dense && draw.Chance(0.05)) {
-      s += draw.Between(15, 32);  // a meadow, an orchard
-      continue;
-    }
-    Plot plot{side, DrawHouse(draw)};
-    plot.seed = draw.Next();
-    plot.house.garage &= !dense;
-    const double left = HouseLeft(plot.house), right = HouseRight(plot.house);
-    plot.setback_m = std::max(0.1, usual_setback_m + draw.Between(-0.8, 0.8));
-    plot.house_m = s + (side.side > 0 ? left : right);
-    const double gap_m = dense && draw.Chance(0.5) ? 0.1 : draw.Between(1.5, 6);
-    plot.begin_m = s - gap_m / 2;
-    plot.end_m = s + left + right + gap_m / 2;
-    const Eigen::Vector2d origin = side.At(plot.house_m, side.sidewalk_m() + plot.setback_m);
-    if (!BuildHouse(site, plot.house, origin, side.BuildingHeading(plot.house_m),
-                    side.sidewalk_m() + 0.05, HashSequence(plot.seed))) {
-      s += 2.5;
-      continue;
-    }
-    s = plot.end_m + gap_m / 2;
-    plots->push_back(plot);
+/// Flats in a lawn.
+bool BuildBlock(Site& site, const FacadeSpec& spec, const Eigen::Vector2d& origin,
+                double heading_rad, double edge_m, HashSequence draw) {
+  const double half_m = spec.width_m / 2;
+  const GroundBox box = BuildingBox(half_m, half_m, spec.depth_m, origin, heading_rad);
+  if (!site.IsFree(box, edge_m)) return false;
+  site.occupancy().Add(box);
+  AddFacade(spec, site.FrameInTile(origin, site.At(origin), heading_rad), draw,
+            site.TileAt(origin));
+  return true;
+}
+
+double DrawSetback(Style style, HashSequence& draw) {
+  if (style == Style::kOldStreet) return draw.Between(0.1, 0.8);
+  if (style == Style::kGreen) return draw.Between(6, 11);
+  return style == Style::kBlocks ? draw.Between(5, 9) : draw.Between(3.2, 6.2);
+}
+
+double DrawGap(Style style, HashSequence& draw) {
+  if (style == Style::kOldStreet && draw.Chance(0.5)) return 0.1;
+  return style == Style::kBlocks ? draw.Between(6, 14) : draw.Between(1.5, 6);
+}
+
+/// The plot that begins at `begin_m`, with its building, if that fits.
+std::optional<Plot> BuildPlot(Site& site, const RoadSide& side, double begin_m,
+                              HashSequence& draw) {
+  Plot plot{.side = side, .style = StyleAt(side, begin_m)};
+  const double edge_m = side.sidewalk_m() + 0.05;
+  plot.setback_m = DrawSetback(plot.style, draw);
+  const double gap_m = DrawGap(plot.style, draw);
+  plot.seed = draw.Next();
+  const auto measure = [&](double left_m, double right_m, double depth_m) {
+    plot.left_m = left_m;
+    plot.right_m = right_m;
+    plot.depth_m = depth_m;
+    plot.house_m = begin_m + gap_m / 2 + (side.side > 0 ? left_m : right_m);
+    plot.begin_m = begin_m;
+    plot.end_m = begin_m + left_m + right_m + gap_m;
+    return side.At(plot.house_m, side.sidewalk_m() + plot.setback_m);
+  };
+  bool fits = false;
+  if (plot.style == Style::kBlocks) {
+    FacadeSpec spec = DrawFacade(draw);
+    spec.shop = draw.Chance(0.15);
+    spec.floors = 3 + static_cast<int>(draw.Below(2));
+    spec.left_open = spec.right_open = true;
+    const Eigen::Vector2d origin = measure(spec.width_m / 2, spec.width_m / 2, spec.depth_m);
+    fits = BuildBlock(site, spec, origin, side.BuildingHeading(plot.house_m), edge_m,
+                      HashSequence(plot.seed));
+  } else {
+    HouseSpec spec = DrawHouse(draw);
+    spec.garage &= plot.style != Style::kOldStreet;
+    const Eigen::Vector2d origin = measure(HouseLeft(spec), HouseRight(spec), spec.depth_m);
+    // On the right of the house seen from the street.
+    if (spec.garage) plot.garage_m = plot.house_m + side.side * (spec.width_m / 2 + 1.5);
+    fits = BuildHouse(site, spec, origin, side.BuildingHeading(plot.house_m), edge_m,
+                      HashSequence(plot.seed));
   }
+  return fits ? std::optional(plot) : std::nullopt;
+}
+
+void BuildPlots(Site& site, const RoadSide& side, std::vector<Plot>* plots) {
+  HashSequence draw = side.Draw(0x686f7573);
+  for (double s = draw.Between(2, 8); s < side.length_m() - 6;) {
+    if (StyleAt(side, s) == Style::kPark || draw.Chance(0.04)) {
+      s += draw.Between(15, 32);  // meadows, orchards
+      continue;
+    }
+    const std::optional<Plot> plot = BuildPlot(site, side, s, draw);
+    s = plot ? plot->end_m : s + 2.5;
+    if (plot) plots->push_back(*plot);
+  }
+}
+
+/// A house across the end of a street.
+void CloseDeadEnd(Site& site, const RoadSide& side) {
+  HashSequence draw = side.Draw(0x656e64);
+  HouseSpec spec = DrawHouse(draw);
+  spec.garage = false;
+  const double setback_m = draw.Between(2.5, 6);
+  const RoutePoint end = side.line->path.At(side.length_m() + side.sidewalk_m() + setback_m);
+  BuildHouse(site, spec, end.position_in_enu, end.heading_rad - M_PI / 2, 1,
+             HashSequence(draw.Next()));
+  const RoutePoint front = side.line->path.At(side.length_m() + side.sidewalk_m() + 0.7);
+  const Eigen::Vector2d across(-std::sin(front.heading_rad), std::cos(front.heading_rad));
+  AddModulesBetween(site, "hedge", static_cast<uint32_t>(draw.Below(100)), 2,
+                    front.position_in_enu - 7 * across, front.position_in_enu + 7 * across, 0.3,
+                    draw);
 }
 
 /// Houses of the next street, seen between those of this one.
@@ -99,8 +175,7 @@ GroundCover PavedCover(HashSequence& draw) {
 std::optional<double> AddDriveway(Site& site, const Plot& plot, HashSequence& draw) {
   constexpr double kWidthM = 2.9, kGarageFrontM = 1.2;
   const RoadSide& side = plot.side;
-  // On the right of the house seen from the street.
-  const double along_m = plot.house_m + side.side * (plot.house.width_m / 2 + 1.5);
+  const double along_m = *plot.garage_m;
   const double heading = side.BuildingHeading(along_m) + (draw.Chance(0.5) ? 1 : -1) * M_PI / 2;
   const double front_m = side.sidewalk_m() + plot.setback_m + kGarageFrontM - 0.05;
   const GroundBox way{side.At(along_m, front_m / 2), heading, front_m / 2 - 0.5, kWidthM / 2 - 0.1};
@@ -121,7 +196,8 @@ void AddFrontFence(Site& site, const Plot& plot, const std::vector<double>& ways
                    HashSequence& draw) {
   const RoadSide& side = plot.side;
   const double out_m = side.sidewalk_m() + 0.4;
-  const double kind = draw.Unit();
+  // Green gardens hide behind hedges.
+  const double kind = draw.Unit() * (plot.style == Style::kGreen ? 0.5 : 1);
   const auto variant = static_cast<uint32_t>(draw.Below(100));
   const Surface wall = {.pattern = draw.Chance(0.5)
                                        ? Pattern::kPlaster
@@ -153,6 +229,7 @@ void AddFrontFence(Site& site, const Plot& plot, const std::vector<double>& ways
 void PlantGarden(Site& site, const Plot& plot, HashSequence& draw) {
   const RoadSide& side = plot.side;
   const double sidewalk_m = side.sidewalk_m();
+  const bool green = plot.style == Style::kGreen;
   const auto place = [&](double low_out, double high_out, double tree_share) {
     const double s = draw.Between(plot.begin_m, plot.end_m),
                  out_m = draw.Between(low_out, high_out);
@@ -162,8 +239,9 @@ void PlantGarden(Site& site, const Plot& plot, HashSequence& draw) {
         tree ? (kind < 0.25 * tree_share ? "conifer" : "tree") : (kind > 0.95 ? "planter" : "bush");
     site.Place(name, static_cast<uint32_t>(draw.Below(1000)), side.At(s, out_m),
                {.heading_rad = draw.Between(-M_PI, M_PI),
-                .scale = tree ? draw.Between(0.55, 1) : draw.Between(0.6, 1.25),
-                .margin_m = tree ? 1.2 : 0.15,
+                .scale = tree ? draw.Between(green ? 0.8 : 0.55, green ? 1.4 : 1.05)
+                              : draw.Between(0.6, 1.3),
+                .margin_m = tree ? 1.2 : 0.1,
                 .edge_m = sidewalk_m + 0.3},
                draw);
   };
@@ -184,18 +262,18 @@ void PlantGarden(Site& site, const Plot& plot, HashSequence& draw) {
   Decal bed = lawn;
   bed.half_width_m = 0.45f;
   bed.centre_in_enu = side.At(plot.house_m, sidewalk_m + plot.setback_m - 0.5).cast<float>();
-  bed.half_length_m = static_cast<float>(plot.house.width_m / 2);
+  bed.half_length_m = static_cast<float>(plot.left_m);
   bed.cover = {Pattern::kSoil, 0.12f, 1, SemanticClass::kTerrain};
   site.decals().push_back(bed);
 
   const double front_m = sidewalk_m + 0.9, house_m = sidewalk_m + plot.setback_m;
   if (plot.setback_m > 2) {
-    const int count = 3 + static_cast<int>(draw.Below(6));
-    for (int i = 0; i < count; ++i) place(front_m, house_m - 0.4, 0.22);
+    const int count = (green ? 7 : 4) + static_cast<int>(draw.Below(6));
+    for (int i = 0; i < count; ++i) place(front_m, house_m - 0.4, green ? 0.35 : 0.2);
   }
-  const double back_m = house_m + plot.house.depth_m + 1;
-  const int count = 2 + static_cast<int>(draw.Below(4));
-  for (int i = 0; i < count; ++i) place(back_m, back_m + 14, 0.5);
+  const double back_m = house_m + plot.depth_m + 1;
+  const int count = 3 + static_cast<int>(draw.Below(5));
+  for (int i = 0; i < count; ++i) place(back_m, back_m + 14, 0.6);
 }
 
 void AddGarden(Site& site, const Plot& plot) {
@@ -203,15 +281,15 @@ void AddGarden(Site& site, const Plot& plot) {
   const RoadSide& side = plot.side;
   const double sidewalk_m = side.sidewalk_m();
   std::vector<double> ways_m;
-  if (plot.house.garage) {
+  if (plot.garage_m) {
     if (const auto way_m = AddDriveway(site, plot, draw)) ways_m.push_back(*way_m);
   }
   if (plot.setback_m > 1.8) {
-    const double path_m = plot.house_m + draw.Between(-0.25, 0.25) * plot.house.width_m;
+    const double path_m = plot.house_m + draw.Between(-0.5, 0.5) * plot.left_m;
     AddWay(site, side, path_m, 0, sidewalk_m + plot.setback_m - 0.5, 1.2, PavedCover(draw));
     ways_m.push_back(path_m);
     AddFrontFence(site, plot, ways_m, draw);
-    const double depth_m = sidewalk_m + plot.setback_m + plot.house.depth_m;
+    const double depth_m = sidewalk_m + plot.setback_m + plot.depth_m;
     const double kind = draw.Unit();  // along the neighbour's garden
     const auto variant = static_cast<uint32_t>(draw.Below(100));
     if (kind < 0.7) {
@@ -227,6 +305,26 @@ void AddGarden(Site& site, const Plot& plot) {
     }
   }
   PlantGarden(site, plot, draw);
+}
+
+/// Where nobody has built: old trees, bushes.
+void PlantPark(Site& site, const RoadSide& side) {
+  HashSequence draw = side.Draw(0x7061726b);
+  for (double s = 3; s < side.length_m(); s += 4.5) {
+    if (StyleAt(side, s) != Style::kPark) continue;
+    for (const double out_m : {1.2, 6.0, 12.0, 18.0, 25.0}) {
+      if (!draw.Chance(0.6)) continue;
+      const double kind = draw.Unit();
+      site.Place(kind < 0.5 ? "tree" : (kind < 0.6 ? "conifer" : "bush"),
+                 static_cast<uint32_t>(draw.Below(1000)),
+                 side.At(s + draw.Between(-2, 2), side.sidewalk_m() + out_m + draw.Between(-1, 2)),
+                 {.heading_rad = draw.Between(-M_PI, M_PI),
+                  .scale = kind < 0.6 ? draw.Between(0.9, 1.6) : draw.Between(0.7, 1.4),
+                  .margin_m = 0.4,
+                  .edge_m = side.sidewalk_m() + 0.4},
+                 draw);
+    }
+  }
 }
 
 void FurnishSidewalk(Site& site, const RoadSide& side) {
@@ -248,15 +346,7 @@ void FurnishSidewalk(Site& site, const RoadSide& side) {
           .chance = 0.8,
           .lift_m = lift},
          2);
-  if (draw.Chance(0.35)) {
-    AddRow(site, side,
-           {.kind = "pole",
-            .spacing_m = 34,
-            .out_m = sidewalk_m - 0.3,
-            .lift_m = lift,
-            .one_variant = true},
-           3);
-  }
+  if (draw.Chance(0.35)) AddPoleLine(site, side, sidewalk_m - 0.3, 34, lift);
   if (draw.Chance(0.45)) {
     const bool young = draw.Chance(0.6);
     AddRow(site, side,
@@ -328,9 +418,11 @@ void FurnishSuburb(Site& site) {
   AddKerbs(site);
   const std::vector<RoadSide> sides = RoadSidesOf(site);
   std::vector<Plot> plots;
-  for (const RoadSide& side : sides) BuildHouses(site, side, &plots);
+  for (const RoadSide& side : sides) BuildPlots(site, side, &plots);
   for (const RoadSide& side : sides) {
+    if (side.side > 0 && IsDeadEnd(*side.line)) CloseDeadEnd(site, side);
     FurnishSidewalk(site, side);
+    PlantPark(site, side);
     NameStreets(site, side);
   }
   for (const Plot& plot : plots) AddGarden(site, plot);
@@ -340,7 +432,7 @@ void FurnishSuburb(Site& site) {
     AddRoadWear(site, side);
   }
   for (const CentreLine& line : site.roads().lines()) AddRoadMarks(site, line, 0.1);
-  FillWithGreen(site, {.near_share = 0.3, .far_share = 0.4, .edge_m = 3});
+  FillWithGreen(site, {.near_share = 0.35, .far_share = 0.3, .edge_m = 3});
 }
 
 }  // namespace carmap
