@@ -21,7 +21,7 @@ build: setup  ## the optimised program: build/release/bin/carmap
 	@cmake --preset release
 	@cmake --build --preset release
 
-demo: build  ## map, stitch and localize a real drive; report in demo/
+demo: build  ## simulate two drives, map, stitch and localize; report in demo/
 	@scripts/demo.sh
 
 test: build  ## build, then run all tests

@@ -1,19 +1,13 @@
 #!/usr/bin/env bash
-# The loop of the product on a real drive: two segments are mapped, the second is stitched to the
-# first, and the whole drive is localized in the result. Leaves a report in demo/.
+# The loop of the product in a simulated suburb: one vehicle drives an empty street and maps it in
+# two segments, the second is stitched to the first, and another vehicle, past parked cars and in
+# traffic, finds itself in the result. Leaves a report with pictures in demo/.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 # shellcheck source-path=SCRIPTDIR source=report.sh
 source scripts/report.sh
 
 carmap=build/release/bin/carmap
-drive="${CARMAP_DATA:-../shared/data}/kitti06_000-050"
-
-if [[ ! -d "$drive" ]]; then
-  echo "demo: $drive: the real drive is absent; put frames 0-50 of KITTI odometry sequence 06" \
-    "there, or name the folder that holds kitti06_000-050: CARMAP_DATA=FOLDER make demo" >&2
-  exit 1
-fi
 if [[ ! -x "$carmap" ]]; then
   echo "demo: $carmap: not built yet; run: make demo" >&2
   exit 1
@@ -21,23 +15,29 @@ fi
 
 rm -rf demo
 mkdir demo
+world=(--scene suburb --length 300 --seed 1 --frames 80)
 
-echo "1/5  A first vehicle maps frames 0 to 33."
-"$carmap" map "$drive" --last 33 --out demo/base.cmap \
-  --report demo/base.json --picture demo/base.png
-echo "2/5  A second one maps frames 18 to 50."
-"$carmap" map "$drive" --first 18 --out demo/segment.cmap --report demo/segment.json
-echo "3/5  The service stitches the second map to the first."
+echo "1/6  A first vehicle drives down a street without traffic."
+"$carmap" simulate --out demo/empty "${world[@]}" --traffic none
+echo "2/6  Later another one drives there, past parked cars and in traffic, under other light."
+"$carmap" simulate --out demo/busy "${world[@]}" --traffic moving --traffic-seed 7 \
+  --light overcast --light-seed 2 --speed 9
+echo "3/6  The first drive is mapped in two segments."
+"$carmap" map demo/empty --last 50 --out demo/base.cmap --report demo/base.json \
+  --picture demo/base.png
+"$carmap" map demo/empty --first 30 --out demo/segment.cmap --report demo/segment.json
+echo "4/6  The service stitches the second segment to the first."
 "$carmap" stitch demo/base.cmap demo/segment.cmap --out demo/stitched.cmap \
   --report demo/stitch.json
 "$carmap" info demo/stitched.cmap
 "$carmap" info demo/stitched.cmap --json >demo/stitched.json
-echo "4/5  A third localizes itself in the result, frame by frame."
-"$carmap" localize "$drive" --map demo/stitched.cmap --map-truth "$drive" \
-  --trajectory demo/localized.txt --report demo/localize.json --picture demo/localize.png
-echo "5/5  Its trajectory is compared with the ground truth."
-"$carmap" evaluate trajectory demo/localized.txt "$drive/poses.txt"
-"$carmap" evaluate trajectory demo/localized.txt "$drive/poses.txt" --json >demo/trajectory.json
+echo "5/6  The second vehicle localizes itself in the result, frame by frame."
+"$carmap" localize demo/busy --map demo/stitched.cmap --map-truth demo/empty \
+  --trajectory demo/localized.txt --report demo/localize.json --picture demo/localize.png \
+  --frame-picture demo/frame.png --error-picture demo/error.png
+echo "6/6  Its trajectory is compared with the ground truth."
+"$carmap" evaluate trajectory demo/localized.txt demo/busy/poses.txt
+"$carmap" evaluate trajectory demo/localized.txt demo/busy/poses.txt --json >demo/trajectory.json
 
 # map_row TITLE REPORT: a line of the report's table of maps.
 map_row() {
@@ -58,27 +58,41 @@ turn_median="$(rounded "$(json_number demo/localize.json rotation_error_deg medi
 ate="$(rounded "$(json_number demo/trajectory.json ate_rmse_m)" 3)"
 
 cat >demo/report.md <<END
-# CarMap demo: a road is mapped in two parts, stitched, and driven again
+# CarMap demo: a street is mapped in two parts, stitched, and driven again in traffic
 
-Drive: kitti06_000-050 (KITTI odometry sequence 06, frames 0–50). Made by \`make demo\`.
+Two drives through one simulated suburb: [empty](empty/world.json), a street without traffic in
+sunshine, and [busy](busy/world.json), the same street with parked and moving cars under clouds.
+Made by \`make demo\`.
+
+| the mapping drive | the later one |
+|---|---|
+| ![A frame of the empty street](empty/image_0/000040.png) | ![A frame in traffic](busy/image_0/000040.png) |
 
 ## Maps
 
 | map | keyframes | landmarks | bytes | ms a frame, median | ATE m |
 |---|---|---|---|---|---|
-$(map_row "base (frames 0–33)" demo/base.json)
-$(map_row "segment (frames 18–50)" demo/segment.json)
+$(map_row "base (frames 0–50)" demo/base.json)
+$(map_row "segment (frames 30–79)" demo/segment.json)
 
 After stitching: $(json_number demo/stitched.json keyframes) keyframes and
 $(json_number demo/stitched.json landmarks) landmarks in $(wc -c <demo/stitched.cmap) bytes.
 
-## The whole drive, localized in the stitched map
+## The later drive, localized in the stitched map
 
 $localized of $frames frames localized. Against the ground truth: position $error_median m in the
 median, $error_max m at most; rotation $turn_median° in the median. The trajectory on its own: ATE $ate m.
 Reading the map and rebuilding what it leaves out took $load_ms ms.
 
-![The stitched map, the localized trajectory and the truth from above](localize.png)
+![Errors over the distance driven](error.png)
+
+A frame with its features, and which of them are in the map:
+
+![The frame that was found best](frame.png)
+
+The stitched map, the localized trajectory and the truth from above:
+
+![The stitched map from above](localize.png)
 
 The base map by itself, with the mapping trajectory and the truth:
 
@@ -88,4 +102,4 @@ END
 echo
 echo "$localized of $frames frames localized, position error $error_median m (median)," \
   "$error_max m (max)"
-echo "Report: $PWD/demo/report.md   Picture: $PWD/demo/localize.png"
+echo "Report: $PWD/demo/report.md   Pictures: $PWD/demo/{localize,frame,error}.png"

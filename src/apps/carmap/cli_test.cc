@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -14,8 +13,8 @@
 #include <string>
 #include <vector>
 
+#include "apps/carmap/program_runner.h"
 #include "apps/carmap/test_drive.h"
-#include "carmap/base/file.h"
 #include "carmap/dataset/trajectory.h"
 #include "carmap/format/container.h"
 #include "carmap/format/lean_codec.h"
@@ -31,12 +30,6 @@ using ::testing::StartsWith;
 
 constexpr size_t kFrames = 16;
 
-std::string Read(const fs::path& path) {
-  const auto bytes = ReadFile(path, uint64_t{1} << 30);
-  EXPECT_TRUE(bytes.ok()) << bytes.status();
-  return bytes.ok() ? *bytes : std::string();
-}
-
 void Write(const fs::path& path, const std::string& bytes) {
   std::ofstream(path, std::ios::binary) << bytes;
 }
@@ -46,21 +39,6 @@ std::string Replace(std::string text, const std::string& from, const std::string
   EXPECT_NE(at, std::string::npos) << from;
   return at == std::string::npos ? text : text.replace(at, from.size(), to);
 }
-
-struct Result {
-  int exit_code = -1;  ///< -1: killed by a signal
-  std::string out, err;
-
-  /// Lines that tell of a problem; the others tell of progress.
-  std::vector<std::string> problems() const {
-    std::vector<std::string> lines;
-    std::istringstream stream(err);
-    for (std::string line; std::getline(stream, line);) {
-      if (line.rfind("carmap: ", 0) == 0) lines.push_back(line);
-    }
-    return lines;
-  }
-};
 
 class CliTest : public testing::Test {
  protected:
@@ -85,12 +63,7 @@ class CliTest : public testing::Test {
   static fs::path work() { return root_ / "work"; }
 
   static Result RunIn(const fs::path& folder, const std::vector<std::string>& arguments) {
-    std::string command = fmt::format("cd '{}' && '{}'", folder.string(), CARMAP_PROGRAM);
-    for (const std::string& argument : arguments) command += " '" + argument + "'";
-    const fs::path out = root_ / "stdout", err = root_ / "stderr";
-    command += fmt::format(" >'{}' 2>'{}'", out.string(), err.string());
-    const int status = std::system(command.c_str());
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, Read(out), Read(err)};
+    return RunProgram(folder, arguments, root_);
   }
   static Result Run(const std::vector<std::string>& arguments) { return RunIn(work(), arguments); }
 

@@ -58,6 +58,7 @@ int Run(int argc, char** argv) {
   app.formatter(std::make_shared<HelpFormat>());
 
   Command chosen;
+  AddSimulateCommand(app, chosen);
   AddMapCommand(app, chosen);
   AddLocalizeCommand(app, chosen);
   AddStitchCommand(app, chosen);

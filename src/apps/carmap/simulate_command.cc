@@ -81,7 +81,11 @@ absl::StatusOr<std::vector<Change>> ReadChanges(const Arguments& arguments,
   if (arguments.change.empty()) return std::vector<Change>{};
   CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(arguments.change, kMaxChangeBytes));
   auto changes = ChangesFromJson(text);
-  if (!changes.ok()) return WithName(arguments.change, changes.status());
+  if (!changes.ok()) {
+    return absl::InvalidArgumentError(
+        fmt::format("{}: {}; correct it, or take the world.json of a drive made with --change-seed",
+                    arguments.change, std::string(changes.status().message())));
+  }
   return changes;
 }
 
@@ -93,7 +97,7 @@ absl::Status ParseSize(const std::string& text, DriveOptions& drive) {
     return absl::OkStatus();
   }
   return absl::InvalidArgumentError(
-      fmt::format("--size {}: is not WIDTHxHEIGHT in pixels, as in 1241x376", text));
+      fmt::format("--size {}: is not WIDTHxHEIGHT in pixels; write it as in 1241x376", text));
 }
 
 /// All that the drive's bytes follow from.
