@@ -118,6 +118,7 @@ nlohmann::ordered_json OptionsJson(const Arguments& arguments, const WorldOption
   json["traffic_seed"] = drive.traffic_seed;
   json["light"] = arguments.light;
   json["light_seed"] = drive.light_seed;
+  json["rig_seed"] = drive.rig_seed;
   json["gps"] = arguments.gps;
   json["gps_hz"] = drive.gps_rate_hz;
   json["changes"] = ToJson(changes).at("changes");
@@ -245,6 +246,12 @@ void AddSimulateCommand(CLI::App& app, Command& chosen) {
       ->check(OneOf(kWeather))
       ->type_name("L");
   command->add_option("--light-seed", a.drive.light_seed, "Draws the sun's place and clouds (1)")
+      ->type_name("N");
+  command
+      ->add_option(
+          "--rig-seed", a.drive.rig_seed,
+          "Draws what calibration left of the cameras' faults, some tenths of a pixel (1); "
+          "0: perfect cameras")
       ->type_name("N");
   command
       ->add_option("--gps", a.gps,

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "carmap/sim/occupancy.h"
 #include "carmap/sim/ground_map.h"
 #include "carmap/sim/models.h"
+#include "carmap/sim/occupancy.h"
 #include "carmap/sim/world_builder.h"
 
 namespace carmap {

@@ -40,8 +40,14 @@ Json LightJson(const Light& light) {
   return {{"to_sun_in_enu", ToJson(light.to_sun_in_enu)}, {"sun", light.sun}, {"sky", light.sky}};
 }
 
-Json SensorJson(const SensorOptions& sensor) {
-  return {{"exposure_s", sensor.exposure_s},
+Json CameraJson(const SimulatedCamera& camera) {
+  const SensorOptions& sensor = camera.sensor;
+  return {{"residual_column", camera.residual.column},
+          {"residual_row", camera.residual.row},
+          {"sensitivity", sensor.sensitivity},
+          {"black_level", sensor.black_level},
+          {"vignetting", sensor.vignetting},
+          {"exposure_s", sensor.exposure_s},
           {"blur_sigma_px", sensor.blur_sigma_px},
           {"read_noise", sensor.read_noise},
           {"shot_noise", sensor.shot_noise}};
@@ -71,7 +77,7 @@ std::string WorldText(const Json& options, const std::vector<Change>& changes,
   json["enu_from_first_camera"] = ToJson(*simulation.enu_from_camera().front().world_from_camera);
   json["route_length_m"] = simulation.route().length_m();
   json["light"] = LightJson(simulation.light());
-  json["sensor"] = SensorJson(simulation.sensor());
+  json["cameras"] = {CameraJson(simulation.cameras()[0]), CameraJson(simulation.cameras()[1])};
   json["gps"] = GpsJson(simulation.gps_model());
   json["changes"] = carmap::ToJson(changes).at("changes");
   return json.dump(2) + "\n";

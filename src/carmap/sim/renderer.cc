@@ -254,9 +254,10 @@ void Renderer::SetTraffic(const std::vector<Placement>& traffic) {
 }
 
 RenderedView Renderer::Render(const PinholeCamera& camera, const Rigid3& enu_from_camera,
-                              const ViewMotion& motion) const {
+                              const ViewMotion& motion,
+                              const RectificationResidual& residual) const {
   impl_->scene.MoveOrigin(enu_from_camera.translation);
-  const View view(camera, enu_from_camera, impl_->scene.origin_in_enu());
+  const View view(camera, residual, enu_from_camera, impl_->scene.origin_in_enu());
   const Shader shader(impl_->scene, impl_->world->ground.get(), impl_->sky, impl_->light, view);
   return Painting(shader, camera, motion, impl_->seed, impl_->centres).Paint();
 }

@@ -4,6 +4,7 @@
 // same bytes for the same input, whatever the number of cores.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <opencv2/core/mat.hpp>
@@ -32,6 +33,13 @@ struct ViewMotion {
   Eigen::Vector3d angular_velocity_in_camera = Eigen::Vector3d::Zero();  ///< rad/s
 };
 
+/// What rectification left of a lens: where an ideal camera sees the direction (x, y, 1), this one
+/// sees (x + column(x, y), y + row(x, y), 1).
+struct RectificationResidual {
+  /// Coefficients of 1, x, y, x², xy, y².
+  std::array<float, 6> column{}, row{};
+};
+
 class Renderer {
  public:
   /// Builds the acceleration structures. `vehicle_models` follow the world's models in the
@@ -44,7 +52,7 @@ class Renderer {
   void SetTraffic(const std::vector<Placement>& traffic);
 
   RenderedView Render(const PinholeCamera& camera, const Rigid3& enu_from_camera,
-                      const ViewMotion& motion) const;
+                      const ViewMotion& motion, const RectificationResidual& residual = {}) const;
 
  private:
   struct Impl;

@@ -144,6 +144,30 @@ TEST(Renderer, TheRightViewAgreesWithTheLeft) {
   EXPECT_GT(good, 0.99 * all);
 }
 
+TEST(Renderer, AResidualOfRectificationShiftsWhatIsSeen) {
+  auto world = WorldOf({BoxMesh({2, 3, 1}, {.label = SemanticClass::kBuilding}), GroundMesh(1000)});
+  world->tiles[0].position_in_enu = {12, -1, 0};
+  const Renderer renderer(world, {}, Sunny(), 1);
+  RectificationResidual residual;
+  residual.column[0] = static_cast<float>(3 / kCamera.fx);
+  residual.row[0] = static_cast<float>(-2 / kCamera.fy);
+  PinholeCamera shifted = kCamera;
+  shifted.cx -= 3;
+  shifted.cy += 2;
+  const RenderedView expected = renderer.Render(shifted, LookingEast(0, 0), {});
+  const RenderedView view = renderer.Render(kCamera, LookingEast(0, 0), {}, residual);
+  EXPECT_LT(cv::norm(view.depth_m, expected.depth_m, cv::NORM_L1) / view.depth_m.total(), 0.01);
+  residual = {};
+  residual.column[3] = static_cast<float>(200 / kCamera.fx);
+  const RenderedView bent = renderer.Render(kCamera, LookingEast(0, 0), {}, residual);
+  // The middle column stays, where x is 0.
+  const RenderedView straight = renderer.Render(kCamera, LookingEast(0, 0), {});
+  for (int y = 0; y < kCamera.height; ++y) {
+    EXPECT_NEAR(bent.depth_m.at<float>(y, 303), straight.depth_m.at<float>(y, 303), 1e-2);
+  }
+  EXPECT_GT(cv::norm(bent.depth_m, straight.depth_m, cv::NORM_INF), 1);
+}
+
 TEST(Renderer, SameBytesWithAnyNumberOfThreads) {
   const Renderer renderer(TestStreet(60), {}, Sunny(), 1);
   const auto render = [&](size_t threads) {

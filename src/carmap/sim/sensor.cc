@@ -68,17 +68,24 @@ cv::Mat Expose(const RenderedView& view, const SensorOptions& options, double ga
     cv::GaussianBlur(light, light, {5, 5}, options.blur_sigma_px, 0, cv::BORDER_REPLICATE);
   }
   const auto veil = static_cast<float>(cv::mean(light)[0]) * kVeil;
-  const auto scale = static_cast<float>(255 * gain);
+  const auto scale = static_cast<float>(255 * gain * options.sensitivity);
   const auto read = static_cast<float>(options.read_noise * options.read_noise);
   const auto shot = static_cast<float>(options.shot_noise * options.shot_noise);
+  const auto black = static_cast<float>(options.black_level);
+  const auto dark = static_cast<float>(options.vignetting);
+  const float center_x = 0.5f * static_cast<float>(light.cols - 1);
+  const float center_y = 0.5f * static_cast<float>(light.rows - 1);
+  const float corner = std::hypot(center_x, center_y);
   const uint64_t key = HashKeys(HashKeys(options.seed, frame), camera);
   cv::Mat grey(light.size(), CV_8U);
   tbb::parallel_for(0, light.rows, [&](int y) {
     const auto* in = light.ptr<float>(y);
     auto* out = grey.ptr<uint8_t>(y);
+    const float dy = (static_cast<float>(y) - center_y) / corner, dy2 = dy * dy;
     for (int x = 0; x < light.cols; ++x) {
-      const float value = scale * (in[x] + veil);
-      const float deviation = std::sqrt(read + shot * value);
+      const float dx = (static_cast<float>(x) - center_x) / corner, dx2 = dx * dx;
+      const float value = black + scale * (1 - dark * (dx2 + dy2)) * (in[x] + veil);
+      const float deviation = std::sqrt(read + shot * std::max(value, 0.f));
       const uint64_t bits = HashKeys(key, uint64_t(y) << 32 | uint64_t(x));
       const float noisy = value + deviation * NoiseOf(bits);
       out[x] = static_cast<uint8_t>(std::clamp(noisy + 0.5f, 0.f, 255.f));

@@ -15,6 +15,9 @@ struct SensorOptions {
   double blur_sigma_px = 0.4;  ///< of lens and interpolation by rectification
   double read_noise = 1.0;     ///< grey values, at gain 1
   double shot_noise = 0.15;    ///< grey values, per square root of the grey value
+  double sensitivity = 1;      ///< relative to the other cameras of the rig
+  double black_level = 0;      ///< grey values
+  double vignetting = 0;       ///< share of the light that is lost in the image's corners
   uint64_t seed = 1;
 };
 

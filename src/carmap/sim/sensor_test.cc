@@ -32,6 +32,20 @@ TEST(Sensor, NoiseIsAsStated) {
   }
 }
 
+TEST(Sensor, CamerasMayBeDarkerInTheCornersAndUnlike) {
+  SensorOptions options;
+  options.vignetting = 0.2;
+  const cv::Mat grey = Expose(EvenView(0.5f), options, 1, 0, 0);
+  const double middle = cv::mean(grey(cv::Rect(90, 40, 20, 20)))[0];
+  const double corner = cv::mean(grey(cv::Rect(0, 0, 6, 6)))[0];
+  EXPECT_NEAR(corner / middle, 0.81, 0.02);
+  SensorOptions other;
+  other.sensitivity = 1.1;
+  other.black_level = 5;
+  EXPECT_NEAR(cv::mean(Expose(EvenView(0.5f), other, 1, 0, 0))[0],
+              1.1 * cv::mean(Expose(EvenView(0.5f), {}, 1, 0, 0))[0] + 5, 0.5);
+}
+
 TEST(Sensor, NoiseDiffersByFrameAndCameraAndIsRepeatable) {
   const RenderedView view = EvenView(0.4f);
   const cv::Mat grey = Expose(view, {}, 1, 5, 0);

@@ -102,9 +102,10 @@ Vector3f Start(const Sample& sample, float side) {
 
 }  // namespace
 
-View::View(const PinholeCamera& the_camera, const Rigid3& enu_from_camera,
-           const Eigen::Vector3d& origin_in_enu)
+View::View(const PinholeCamera& the_camera, const RectificationResidual& the_residual,
+           const Rigid3& enu_from_camera, const Eigen::Vector3d& origin_in_enu)
     : camera(the_camera),
+      residual(the_residual),
       eye((enu_from_camera.translation - origin_in_enu).cast<float>()),
       from_camera(enu_from_camera.rotation.toRotationMatrix().cast<float>()),
       right(from_camera.col(0) / static_cast<float>(camera.fx)),
@@ -114,7 +115,10 @@ View::View(const PinholeCamera& the_camera, const Rigid3& enu_from_camera,
 Vector3f View::Ray(float u, float v) const {
   const float x = (u - static_cast<float>(camera.cx)) / static_cast<float>(camera.fx);
   const float y = (v - static_cast<float>(camera.cy)) / static_cast<float>(camera.fy);
-  return from_camera * Vector3f(x, y, 1);
+  const auto at = [&](const std::array<float, 6>& c) {
+    return c[0] + c[1] * x + c[2] * y + c[3] * x * x + c[4] * x * y + c[5] * y * y;
+  };
+  return from_camera * Vector3f(x + at(residual.column), y + at(residual.row), 1);
 }
 
 bool Continuous(const Sample& a, const Sample& b) {

@@ -14,18 +14,20 @@
 #include "carmap/sim/ground_map.h"
 #include "carmap/sim/light.h"
 #include "carmap/sim/ray_scene.h"
+#include "carmap/sim/renderer.h"
 #include "carmap/sim/sky.h"
 #include "carmap/sim/texture.h"
 
 namespace carmap {
 
 struct View {
-  View(const PinholeCamera& the_camera, const Rigid3& enu_from_camera,
-       const Eigen::Vector3d& origin_in_enu);
+  View(const PinholeCamera& the_camera, const RectificationResidual& the_residual,
+       const Rigid3& enu_from_camera, const Eigen::Vector3d& origin_in_enu);
   /// Not of unit length: the multiple that reaches a point is its depth.
   Eigen::Vector3f Ray(float u, float v) const;
 
   PinholeCamera camera;
+  RectificationResidual residual;
   Eigen::Vector3f eye;
   Eigen::Matrix3f from_camera;  ///< rotation
   Eigen::Vector3f right, down;  ///< how the ray changes from pixel to pixel

@@ -6,6 +6,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <opencv2/core/mat.hpp>
@@ -18,6 +19,7 @@
 #include "carmap/sim/change.h"
 #include "carmap/sim/gps_simulator.h"
 #include "carmap/sim/light.h"
+#include "carmap/sim/renderer.h"
 #include "carmap/sim/sensor.h"
 #include "carmap/sim/traffic.h"
 #include "carmap/sim/world_builder.h"
@@ -44,8 +46,15 @@ struct DriveOptions {
   uint64_t traffic_seed = 1;
   Weather weather = Weather::kSunny;
   uint64_t light_seed = 1;
+  uint64_t rig_seed = 1;  ///< of what calibration left of the cameras' faults; 0: a perfect rig
   GpsQuality gps = GpsQuality::kOpen;
   double gps_rate_hz = 10;
+};
+
+/// A left or right camera: what its makers and its calibration left to be wished.
+struct SimulatedCamera {
+  RectificationResidual residual;
+  SensorOptions sensor;
 };
 
 /// KITTI's stereo rig (fx 718.856 px at 1241 px of width, baseline 0.54 m) at another size: the
@@ -74,7 +83,7 @@ class Simulation {
   const World& world() const;
   const Route& route() const;
   const Light& light() const;
-  const SensorOptions& sensor() const;
+  const std::array<SimulatedCamera, 2>& cameras() const;
   const GpsModel& gps_model() const;
   const std::vector<SimulatedFix>& fixes() const;
 
