@@ -114,7 +114,7 @@ std::array<SimulatedCamera, 2> DrawCameras(const DriveOptions& drive) {
   constexpr std::array<double, 6> kAtEdge = {
       1, kEdgeX, kEdgeY, kEdgeX * kEdgeX, kEdgeX * kEdgeY, kEdgeY * kEdgeY};
   constexpr std::array<double, 6> kColumnPx = {0.15, 0.15, 0.08, 0.35, 0.15, 0.08};
-  constexpr std::array<double, 6> kRowPx = {0.15, 0.35, 0.15, 0.25, 0.3, 0.08};
+  constexpr std::array<double, 6> kRowPx = {0.25, 0.5, 0.25, 0.35, 0.45, 0.1};
   std::array<SimulatedCamera, 2> cameras;
   for (size_t i = 0; i < cameras.size(); ++i) {
     auto& [residual, sensor] = cameras[i];
