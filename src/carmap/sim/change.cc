@@ -11,9 +11,9 @@
 #include <set>
 #include <utility>
 
-#include "carmap/sim/occupancy.h"
 #include "carmap/sim/ground_map.h"
 #include "carmap/sim/models.h"
+#include "carmap/sim/occupancy.h"
 #include "carmap/sim/random.h"
 
 namespace carmap {

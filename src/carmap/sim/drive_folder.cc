@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <future>
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <string>
@@ -190,11 +191,14 @@ bool IsComplete(const std::vector<ImageFile>& files) {
                      [&](const ImageFile& file) { return fs::exists(file.path, error); });
 }
 
-absl::Status WriteImage(const ImageFile& file) {
-  std::vector<uint8_t> bytes;
-  cv::imencode(".png", file.image, bytes, {cv::IMWRITE_PNG_COMPRESSION, 1});
-  return WriteFileAtomically(
-      file.path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size()));
+absl::Status WriteImages(const std::vector<ImageFile>& files) {
+  for (const auto& [path, image] : files) {
+    std::vector<uint8_t> bytes;
+    cv::imencode(".png", image, bytes, {cv::IMWRITE_PNG_COMPRESSION, 1});
+    CARMAP_RETURN_IF_ERROR(WriteFileAtomically(
+        path, std::string_view(reinterpret_cast<const char*>(bytes.data()), bytes.size())));
+  }
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -243,18 +247,21 @@ absl::StatusOr<WrittenDrive> WriteDrive(const fs::path& folder, const Json& opti
   CARMAP_RETURN_IF_ERROR(
       WriteFileAtomically(folder / "gps.txt", GpsText(simulation.fixes(), simulation.gps_model())));
   WrittenDrive written;
+  std::future<absl::Status> writing;  // of the last frame, beside the next one's rendering
   while (written.frames < simulation.frame_count()) {
     const size_t frame_idx = written.frames++;
     if (IsComplete(FilesOf(folder, frame_idx, truths, nullptr))) {
       ++written.found_frames;
     } else {
-      const SimulatedFrame frame = simulation.Render(frame_idx);
-      for (const ImageFile& file : FilesOf(folder, frame_idx, truths, &frame)) {
-        CARMAP_RETURN_IF_ERROR(WriteImage(file));
-      }
+      SimulatedFrame frame = simulation.Render(frame_idx);
+      if (writing.valid()) CARMAP_RETURN_IF_ERROR(writing.get());
+      writing = std::async(std::launch::async, [&, frame_idx, frame = std::move(frame)] {
+        return WriteImages(FilesOf(folder, frame_idx, truths, &frame));
+      });
     }
     if (progress) progress(written.frames);
   }
+  if (writing.valid()) CARMAP_RETURN_IF_ERROR(writing.get());
   return written;
 }
 

@@ -20,7 +20,8 @@ class HeightField {
   /// the view. `heights` are positions on the ground along some of the roads; where there are
   /// none the ground rolls gently.
   HeightField(const std::vector<Eigen::Vector2d>& roads,
-              const std::vector<Eigen::Vector3d>& heights, uint64_t seed, const GroundBanks& banks = {});
+              const std::vector<Eigen::Vector3d>& heights, uint64_t seed,
+              const GroundBanks& banks = {});
 
   double At(const Eigen::Vector2d& p_in_enu) const;
   /// Metres to the nearest road, by the cell of the grid.

@@ -80,15 +80,17 @@ struct Field {
 
 }  // namespace
 
-int SkyDirectionAt(int x, int y) {
-  static constexpr std::array<uint8_t, 16> kDirections = {0, 10, 5, 15, 9,  3, 12, 6,
-                                                          7, 13, 2, 8,  14, 4, 11, 1};
-  return kDirections[y % 4 * 4 + x % 4];
+std::optional<int> SkyDirectionAt(int x, int y) {
+  if ((x + y) % 2 != 0) return std::nullopt;
+  // Each once in any block of 4 x 4 pixels.
+  static constexpr std::array<uint8_t, 8> kDirections = {0, 5, 3, 6, 7, 2, 4, 1};
+  return kDirections[y % 4 * 2 + x / 2 % 2];
 }
 
 bool Neighbourly(const Sample& a, const Sample& b) {
+  if (a.group != b.group) return false;
   const Limits limits = LimitsOf(a);
-  return a.group == b.group && a.normal.dot(b.normal) > limits.cosine &&
+  return a.normal.dot(b.normal) > limits.cosine &&
          std::abs(a.normal.dot(b.position - a.position)) < limits.distance_m;
 }
 

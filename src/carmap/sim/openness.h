@@ -1,10 +1,11 @@
-// How open the sky is to each pixel, from one look in one direction at each.
+// How open the sky is to each pixel, from one look in one direction at every other.
 //
 // Neighbours on the same surface look in other directions: together they know enough (interleaved
 // sampling, Keller and Heidrich 2001). Pure functions.
 #pragma once
 
 #include <opencv2/core/types.hpp>
+#include <optional>
 #include <vector>
 
 #include "carmap/sim/shader.h"
@@ -13,8 +14,8 @@ namespace carmap {
 
 inline constexpr int kTileWidth = 32, kTileHeight = 16;  ///< most of a tile
 
-/// The direction, of Shader::kSkyDirections, in which a pixel looks.
-int SkyDirectionAt(int x, int y);
+/// The direction, of Shader::kSkyDirections, in which a pixel looks, if it does.
+std::optional<int> SkyDirectionAt(int x, int y);
 
 /// Whether about the same share of the sky is open to both.
 bool Neighbourly(const Sample& a, const Sample& b);

@@ -27,8 +27,7 @@ void CopyToBuffer(RTCGeometry geometry, RTCBufferType type, RTCFormat format,
 
 RayScene::RayScene(std::shared_ptr<const World> world, const std::vector<Mesh>& vehicle_models)
     : device_(rtcNewDevice(nullptr)), scene_(rtcNewScene(device_)) {
-  rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_DYNAMIC);
-  rtcSetSceneBuildQuality(scene_, RTC_BUILD_QUALITY_MEDIUM);
+  rtcSetSceneBuildQuality(scene_, RTC_BUILD_QUALITY_HIGH);
   models_.reserve(world->models.size() + vehicle_models.size());
   std::vector<bool> is_tile(world->models.size(), false);
   for (const Placement& tile : world->tiles) is_tile[tile.model_idx] = true;
@@ -132,6 +131,7 @@ RayScene::Model RayScene::MakeModel(const Mesh& mesh, bool rounded) {
   CopyToBuffer(geometry, RTC_BUFFER_TYPE_INDEX, RTC_FORMAT_UINT3, mesh.triangles);
   rtcCommitGeometry(geometry);
   model.scene = rtcNewScene(device_);
+  rtcSetSceneBuildQuality(model.scene, RTC_BUILD_QUALITY_HIGH);
   rtcAttachGeometry(model.scene, geometry);
   rtcReleaseGeometry(geometry);
   rtcCommitScene(model.scene);

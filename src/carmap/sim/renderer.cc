@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <utility>
 
 #include "carmap/sim/openness.h"
@@ -17,10 +18,9 @@
 namespace carmap {
 namespace {
 
-/// Where in the pixel the further samples of an edge lie: a rotated grid. Where there are but
-/// leaves, the first two must do.
-constexpr std::array<std::array<float, 2>, 4> kSubPixels = {
-    {{-0.25f, -0.375f}, {0.25f, 0.375f}, {0.375f, -0.125f}, {-0.375f, 0.125f}}};
+/// Where in the pixel the further samples of an edge lie, or their mirror images. Where there are
+/// but leaves, the first must do.
+constexpr std::array<std::array<float, 2>, 2> kSubPixels = {{{-0.3f, -0.35f}, {0.35f, 0.3f}}};
 
 /// Image velocity in pixels per second of a point seen at (u, v).
 cv::Vec2f ImageVelocity(const PinholeCamera& camera, double u, double v, double inverse_depth,
@@ -86,7 +86,7 @@ class Painting {
   int FurtherSamples(int x, int y);
   void RefineEdges(const cv::Rect& tile, Batch& batch);
   void Refine(const std::vector<Edge>& edges, Batch& batch);
-  float Openness(const Sample& sample, const cv::Point& at);
+  void TakeLightOfCentres(const cv::Point& at, Sample& sample);
 
   const Shader& shader_;
   const PinholeCamera& camera_;
@@ -110,7 +110,8 @@ void Painting::PaintCentres(const cv::Rect& tile, Batch& batch) {
       }
     }
   }
-  shader_.Shade(batch);
+  shader_.Meet(batch);
+  shader_.Illuminate(batch);
   LookToSky(batch);
   for (int i = 0; i < batch.count; ++i) StoreTruth(batch, i);
 }
@@ -119,9 +120,9 @@ void Painting::LookToSky(Batch& batch) const {
   std::array<std::vector<std::pair<int, int>>, Shader::kSkyDirections> by_direction;
   for (int i = 0; i < batch.count; ++i) {
     if (batch.sample[i].is_sky()) continue;
-    const int direction =
+    const std::optional<int> direction =
         SkyDirectionAt(static_cast<int>(batch.u[i]), static_cast<int>(batch.v[i]));
-    by_direction[direction].emplace_back(i, direction);
+    if (direction) by_direction[*direction].emplace_back(i, *direction);
   }
   std::vector<std::pair<int, int>> samples;
   for (const auto& of_one : by_direction) {
@@ -163,7 +164,7 @@ int Painting::FurtherSamples(int x, int y) {
     edge |= sample.sunny != other.sunny || !Continuous(sample, other);
     leaves &= other.rough;
   }
-  return !edge ? 0 : leaves ? 2 : 4;
+  return !edge ? 0 : leaves ? 1 : 2;
 }
 
 void Painting::RefineEdges(const cv::Rect& tile, Batch& batch) {
@@ -185,19 +186,25 @@ void Painting::RefineEdges(const cv::Rect& tile, Batch& batch) {
   if (!edges.empty()) Refine(edges, batch);
 }
 
-/// Of a sample near a pixel's centre: the mean of the centres round it that lie on the same thing.
-float Painting::Openness(const Sample& sample, const cv::Point& at) {
-  float sum = 0, count = 0;
+/// What the centres round a pixel tell of a sample in it: the mean over those that lie on the same
+/// thing. In the sun or not it is only if they agree, but for leaves.
+void Painting::TakeLightOfCentres(const cv::Point& at, Sample& sample) {
+  float openness = 0, sunny = 0, mirrored = 0, count = 0;
   const cv::Rect around = cv::Rect(at.x - 1, at.y - 1, 3, 3) & cv::Rect({}, size_);
   for (int y = around.y; y < around.br().y; ++y) {
     for (int x = around.x; x < around.br().x; ++x) {
       const Sample& other = At(x, y);
       if (!Neighbourly(sample, other)) continue;
-      sum += other.openness;
+      openness += other.openness;
+      sunny += other.sunny;
+      mirrored += other.mirrored;
       ++count;
     }
   }
-  return count > 0 ? sum / count : 0.5f;
+  if (count == 0) return;
+  sample.openness = openness / count;
+  sample.mirrored = mirrored / count;
+  if (sample.rough || sunny == 0 || sunny == count) sample.sunny = sunny / count;
 }
 
 void Painting::Refine(const std::vector<Edge>& edges, Batch& batch) {
@@ -210,15 +217,19 @@ void Painting::Refine(const std::vector<Edge>& edges, Batch& batch) {
       batch.v[batch.count++] = static_cast<float>(at.y) + dv;
     }
   }
-  shader_.Shade(batch);
+  shader_.Meet(batch);
   int i = 0;
+  for (const auto& [at, samples] : edges) {
+    for (int k = 0; k < samples; ++k, ++i) TakeLightOfCentres(at, batch.sample[i]);
+  }
+  shader_.Illuminate(batch);
+  i = 0;
   for (const auto& [at, samples] : edges) {
     float& radiance = result_.radiance.at<float>(at);
     float sum = radiance;
     for (int k = 0; k < samples; ++k, ++i) {
       const Sample& sample = batch.sample[i];
-      sum += sample.fixed;
-      if (sample.ambient > 0) sum += sample.ambient * Openness(sample, at);
+      sum += sample.fixed + sample.openness * sample.ambient;
     }
     radiance = sum / static_cast<float>(1 + samples);
   }

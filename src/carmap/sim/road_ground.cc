@@ -51,7 +51,7 @@ float ShortAxis(const Eigen::Vector2f& footprint_m) {
 }
 
 float Extent(const Eigen::Vector2f& footprint_m, float short_m, const Eigen::Vector2f& direction) {
-  return std::hypot(footprint_m.dot(direction), short_m);
+  return Eigen::Vector2f(footprint_m.dot(direction), short_m).norm();
 }
 
 /// Union of two carriageways with the corners between them rounded; parallel ones have none.
@@ -372,7 +372,7 @@ void RoadGround::PaintDecals(const Eigen::Vector2f& p, const Eigen::Vector2f& fo
               BandShare(y, Extent(footprint_m, short_m, across), -decal.half_width_m,
                         decal.half_width_m);
     } else {
-      const float radius = std::hypot(x / decal.half_length_m, y / decal.half_width_m);
+      const float radius = Eigen::Vector2f(x / decal.half_length_m, y / decal.half_width_m).norm();
       const float edge_m = (radius - 1) * std::min(decal.half_length_m, decal.half_width_m);
       const float extent = 0.5f * (footprint_m.norm() + short_m);
       share = BandShare(edge_m, extent, -1e3f, 0);

@@ -137,24 +137,22 @@ Shader::Shader(const RayScene& scene, const GroundMap* ground, const Sky& sky, c
       view_(view),
       textures_(Textures::Get()),
       to_sun_(light.to_sun_in_enu.cast<float>()) {
-  // One from each of 16 equal parts of the upper half.
+  // Evenly over the upper half, on a spiral by the golden angle.
   for (int i = 0; i < kSkyDirections; ++i) {
-    const auto ring = static_cast<float>(i / 4), sector = static_cast<float>(i % 4);
-    const float z = (ring + 0.6f) / 4, r = std::sqrt(1 - z * z);
-    const float azimuth = static_cast<float>(M_PI / 2) * (sector + 0.13f + 0.25f * ring);
+    const float z = (static_cast<float>(i) + 0.5f) / kSkyDirections, r = std::sqrt(1 - z * z);
+    const float azimuth = 2.39996f * static_cast<float>(i);
     sky_directions_[i] = {r * std::cos(azimuth), r * std::sin(azimuth), z};
   }
 }
 
-void Shader::Shade(Batch& batch) const {
-  CastPrimary(batch);
-  if (light_.sun > 0) CastToSun(batch);
+void Shader::Illuminate(Batch& batch) const {
+  CastToSun(batch);
   CastMirrored(batch);
   textures_.LookUp(batch.spots, batch.count, batch.brightness);
   for (int i = 0; i < batch.count; ++i) Illuminate(batch, i);
 }
 
-void Shader::CastPrimary(Batch& batch) const {
+void Shader::Meet(Batch& batch) const {
   auto caster = MakeCaster<RTCRayHit8>(scene_, [&](int i, int lane, const RTCRayHit8& packet) {
     if (packet.hit.geomID[lane] == RTC_INVALID_GEOMETRY_ID) return;
     batch.sample[i].depth_m = packet.ray.tfar[lane];
@@ -225,31 +223,35 @@ void Shader::CoverGround(Batch& batch, int i) const {
 
 void Shader::CastToSun(Batch& batch) const {
   auto caster = MakeCaster<RTCRay8>(scene_, [&](int i, int lane, const RTCRay8& packet) {
-    batch.sample[i].sunny = packet.tfar[lane] >= 0;
+    batch.sample[i].sunny = packet.tfar[lane] >= 0 ? 1 : 0;
   });
   for (int i = 0; i < batch.count; ++i) {
-    const Sample& sample = batch.sample[i];
-    if (sample.is_sky()) continue;
+    Sample& sample = batch.sample[i];
     const float facing = sample.normal.dot(to_sun_);
-    if (facing > 0 || sample.rough) caster.Add(i, Start(sample, facing), to_sun_);
+    if (light_.sun <= 0 || (facing <= 0 && !sample.rough)) {
+      sample.sunny = 0;
+    } else if (sample.sunny == Sample::kUnknown) {
+      caster.Add(i, Start(sample, facing), to_sun_);
+    }
   }
 }
 
 void Shader::CastMirrored(Batch& batch) const {
   auto caster = MakeCaster<RTCRayHit8>(scene_, [&](int i, int lane, const RTCRayHit8& packet) {
     const RTCRay8& rays = packet.ray;
-    batch.mirrored[i] = packet.hit.geomID[lane] == RTC_INVALID_GEOMETRY_ID
-                            ? sky_.Mirrored({rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]})
-                            : MirroredLight(HitOf(scene_, packet, lane));
+    batch.sample[i].mirrored =
+        packet.hit.geomID[lane] == RTC_INVALID_GEOMETRY_ID
+            ? sky_.Mirrored({rays.dir_x[lane], rays.dir_y[lane], rays.dir_z[lane]})
+            : MirroredLight(HitOf(scene_, packet, lane));
   });
   for (int i = 0; i < batch.count; ++i) {
-    const Sample& sample = batch.sample[i];
+    Sample& sample = batch.sample[i];
     const float gloss = sample.is_sky() ? 0 : batch.hit[i].surface->gloss;
-    if (gloss <= 0) continue;
+    if (gloss <= 0 || sample.mirrored != Sample::kUnknown) continue;
     const Vector3f view = batch.ray[i].normalized();
     const Vector3f way = view - 2 * sample.normal.dot(view) * sample.normal;
     if (sample.rough || gloss < kLeastMirror) {
-      batch.mirrored[i] = sample.sunny ? sky_.Mirrored(way) : sky_.ground();
+      sample.mirrored = sky_.ground() + sample.sunny * (sky_.Mirrored(way) - sky_.ground());
     } else {
       caster.Add(i, Start(sample, 1), way);
     }
@@ -272,7 +274,7 @@ void Shader::LookToSky(const std::vector<std::pair<int, int>>& samples, Batch& b
     Sample& sample = batch.sample[i];
     if (sample.rough && light_.sun > 0) {  // Where the sun gets through to a leaf, the sky does.
       sample.weight = 1;
-      sample.open = sample.sunny ? 0.7f : 0.3f;
+      sample.open = 0.3f + 0.4f * sample.sunny;
       continue;
     }
     const float facing = sample.normal.dot(sky_directions_[direction]);
@@ -291,11 +293,8 @@ void Shader::Illuminate(Batch& batch, int i) const {
   const GroundCover& cover = batch.cover[i];
   const float up = sample.normal.z(), facing = sample.normal.dot(to_sun_);
   const auto sun = static_cast<float>(light_.sun), sky = static_cast<float>(light_.sky);
-  float direct = 0;
-  if (sample.sunny) {
-    // Leaves let through some of the light that falls on their backs.
-    direct = sun * (facing > 0 ? facing : -0.5f * facing);
-  }
+  // Leaves let through some of the light that falls on their backs.
+  const float direct = sample.sunny * sun * (facing > 0 ? facing : -0.5f * facing);
   const float bounced = sky_.ground() * (0.6f - 0.4f * up) + 0.08f * (sun + sky);
   float fixed = direct + 0.5f * bounced;
   float ambient = sky * (0.5f + 0.5f * up) + 0.5f * bounced;
@@ -309,7 +308,7 @@ void Shader::Illuminate(Batch& batch, int i) const {
     const float graze = 1 - cosine, graze2 = graze * graze;
     const float share = surface.gloss + (1 - surface.gloss) * graze2 * graze2 * graze;
     reflectance *= 1 - share;
-    mirrored = share * batch.mirrored[i];
+    mirrored = share * sample.mirrored;
   }
   const float clear = std::exp(-sample.depth_m / kHazeM);
   sample.fixed = clear * (reflectance * fixed + mirrored) + (1 - clear) * sky_.haze();

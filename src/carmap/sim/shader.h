@@ -37,18 +37,20 @@ struct View {
 /// What a point of the image shows.
 struct Sample {
   static constexpr uint32_t kSky = ~0u;
+  static constexpr float kUnknown = -1;
 
   float depth_m = 0;
   uint32_t group = kSky;  ///< the same on one surface of one placement
   Eigen::Vector3f normal = Eigen::Vector3f::Zero();
   Eigen::Vector3f position = Eigen::Vector3f::Zero();
-  float fixed = 0;        ///< light but for ...
-  float ambient = 0;      ///< ... that of the sky, were all of it open
-  float open = 0;         ///< what one direction tells about the sky, 0 or `weight`
-  float weight = 0;       ///< what that counts
-  float openness = 0.5f;  ///< the open share of the sky
-  bool sunny = false;
-  bool rough = false;  ///< one of many leaves
+  float fixed = 0;            ///< light but for ...
+  float ambient = 0;          ///< ... that of the sky, were all of it open
+  float open = 0;             ///< what one direction tells about the sky, 0 or `weight`
+  float weight = 0;           ///< what that counts
+  float openness = 0.5f;      ///< the open share of the sky
+  float sunny = kUnknown;     ///< share of the sun's light that arrives
+  float mirrored = kUnknown;  ///< what a glossy surface shows of its surroundings
+  bool rough = false;         ///< one of many leaves
 
   bool is_sky() const { return group == kSky; }
 };
@@ -68,25 +70,26 @@ struct Batch {
   GroundCover cover[kCapacity];
   TextureSpots spots;
   float brightness[kCapacity];  ///< of the texture
-  float mirrored[kCapacity];    ///< what glossy surfaces show of their surroundings
 };
 
 class Shader {
  public:
-  static constexpr int kSkyDirections = 16;
+  static constexpr int kSkyDirections = 8;
 
   Shader(const RayScene& scene, const GroundMap* ground, const Sky& sky, const Light& light,
          const View& view);
 
-  /// Fills in `sample` from `u` and `v`, but for how open the sky is.
-  void Shade(Batch& batch) const;
+  /// Finds what the samples at `u` and `v` show.
+  void Meet(Batch& batch) const;
+  /// Fills in how the samples that were met are lit, but for how open the sky is; casts rays for
+  /// `sunny` and `mirrored` where they are not known yet.
+  void Illuminate(Batch& batch) const;
 
   /// Sets `open` and `weight` of samples (first) by the direction to the sky that each is given
   /// (second). Fastest where those of one direction follow one another.
   void LookToSky(const std::vector<std::pair<int, int>>& samples, Batch& batch) const;
 
  private:
-  void CastPrimary(Batch& batch) const;
   void CastToSun(Batch& batch) const;
   void CastMirrored(Batch& batch) const;
   void Meet(Batch& batch, int i, const RayHit& hit) const;

@@ -24,7 +24,7 @@ using F = hn::Vec<Floats>;
 using I = hn::Vec<Ints>;
 
 constexpr int kLevels = std::bit_width(unsigned{kTileSize});
-constexpr int kMaxLooks = 10;
+constexpr int kMaxLooks = 10, kMaxMacroLooks = 3;
 /// Of the width that a pixel covers: interpolation widens each look by about a texel more.
 constexpr float kSharpness = 0.65f;
 constexpr int kPatterns = static_cast<int>(Pattern::kGround) + 1;
@@ -70,30 +70,45 @@ void StoreTile(const cv::Mat& tile, uint32_t* quads) {
   }
 }
 
-/// Interpolated at (x, y), in texels of level 0 whose corner is at 0.
-F Bilinear(const uint32_t* quads, I tile, I level, F x, F y) {
-  const Floats f;
-  const Ints i;
-  // 2^-level, from its exponent's bits.
-  const F shrink = hn::BitCast(f, hn::ShiftLeft<23>(hn::Sub(hn::Set(i, 127), level)));
-  x = hn::MulSub(x, shrink, hn::Set(f, 0.5f));
-  y = hn::MulSub(y, shrink, hn::Set(f, 0.5f));
-  const F x0 = hn::Floor(x), y0 = hn::Floor(y);
-  const F tx = hn::Sub(x, x0), ty = hn::Sub(y, y0);
-  const I size = hn::ConvertTo(i, hn::Mul(shrink, hn::Set(f, kTileSize)));
-  const I mask = hn::Sub(size, hn::Set(i, 1));
-  const I column = hn::And(hn::ConvertTo(i, x0), mask), row = hn::And(hn::ConvertTo(i, y0), mask);
-  const I offset = hn::GatherIndex(i, kLevelOffsets.data(), level);
-  const I texel = hn::Add(hn::Add(tile, offset), hn::Add(hn::Mul(row, size), column));
-  const I quad = hn::GatherIndex(i, reinterpret_cast<const int32_t*>(quads), texel);
-  const I byte = hn::Set(i, 255);
-  const F a = hn::ConvertTo(f, hn::And(quad, byte));
-  const F b = hn::ConvertTo(f, hn::And(hn::ShiftRight<8>(quad), byte));
-  const F c = hn::ConvertTo(f, hn::And(hn::ShiftRight<16>(quad), byte));
-  const F d = hn::ConvertTo(f, hn::And(hn::ShiftRight<24>(quad), byte));
-  const F above = hn::MulAdd(tx, hn::Sub(b, a), a), below = hn::MulAdd(tx, hn::Sub(d, c), c);
-  return hn::MulAdd(ty, hn::Sub(below, above), above);
-}
+/// One level of the pictures that eight spots look at.
+class Level {
+ public:
+  Level(const uint32_t* quads, I tile, I level) : quads_(quads) {
+    const Floats f;
+    const Ints i;
+    // 2^-level, from its exponent's bits.
+    shrink_ = hn::BitCast(f, hn::ShiftLeft<23>(hn::Sub(hn::Set(i, 127), level)));
+    size_ = hn::ConvertTo(i, hn::Mul(shrink_, hn::Set(f, kTileSize)));
+    first_ = hn::Add(tile, hn::GatherIndex(i, kLevelOffsets.data(), level));
+  }
+
+  /// Interpolated at (x, y), in texels of level 0 whose corner is at 0.
+  F At(F x, F y) const {
+    const Floats f;
+    const Ints i;
+    x = hn::MulSub(x, shrink_, hn::Set(f, 0.5f));
+    y = hn::MulSub(y, shrink_, hn::Set(f, 0.5f));
+    const F x0 = hn::Floor(x), y0 = hn::Floor(y);
+    const F tx = hn::Sub(x, x0), ty = hn::Sub(y, y0);
+    const I mask = hn::Sub(size_, hn::Set(i, 1));
+    const I column = hn::And(hn::ConvertTo(i, x0), mask), row = hn::And(hn::ConvertTo(i, y0), mask);
+    const I texel = hn::Add(first_, hn::Add(hn::Mul(row, size_), column));
+    const I quad = hn::GatherIndex(i, reinterpret_cast<const int32_t*>(quads_), texel);
+    const I byte = hn::Set(i, 255);
+    const F a = hn::ConvertTo(f, hn::And(quad, byte));
+    const F b = hn::ConvertTo(f, hn::And(hn::ShiftRight<8>(quad), byte));
+    const F c = hn::ConvertTo(f, hn::And(hn::ShiftRight<16>(quad), byte));
+    const F d = hn::ConvertTo(f, hn::And(hn::ShiftRight<24>(quad), byte));
+    const F above = hn::MulAdd(tx, hn::Sub(b, a), a), below = hn::MulAdd(tx, hn::Sub(d, c), c);
+    return hn::MulAdd(ty, hn::Sub(below, above), above);
+  }
+
+ private:
+  const uint32_t* quads_;
+  F shrink_;  ///< from texels of level 0
+  I size_;
+  I first_;  ///< quad
+};
 
 }  // namespace
 
@@ -155,7 +170,7 @@ Textures::Textures() : layers_(kPatterns) {
                     [&](size_t i) { StoreTile(tiles[i](), &quads_[i * kLevelOffsets[kLevels]]); });
 }
 
-void Textures::LookUpTiles(const TextureSpots& spots, const Looks& looks, int count,
+void Textures::LookUpTiles(const TextureSpots& spots, const Looks& looks, int max_looks, int count,
                            float* value) const {
   const Floats f;
   const Ints i;
@@ -169,8 +184,8 @@ void Textures::LookUpTiles(const TextureSpots& spots, const Looks& looks, int co
     const F along_y = hn::Mul(hn::Load(f, spots.major_v_m + k), scale);
     const F major = hn::Sqrt(hn::MulAdd(along_x, along_x, hn::Mul(along_y, along_y)));
     const F minor = hn::Max(hn::Mul(hn::Load(f, spots.minor_m + k), scale), one);
-    const F looks_wanted =
-        hn::Min(hn::Max(hn::Ceil(hn::Div(major, minor)), one), hn::Set(f, kMaxLooks));
+    const F looks_wanted = hn::Min(hn::Max(hn::Ceil(hn::Div(major, minor)), one),
+                                   hn::Set(f, static_cast<float>(max_looks)));
     const F width =
         hn::Max(hn::Mul(hn::Max(minor, hn::Div(major, looks_wanted)), hn::Set(f, kSharpness)), one);
     // log2(width), linear between powers of two.
@@ -180,17 +195,17 @@ void Textures::LookUpTiles(const TextureSpots& spots, const Looks& looks, int co
         hn::BitCast(f, hn::Or(hn::And(bits, hn::Set(i, 0x7fffff)), hn::Set(i, 0x3f800000)));
     const F share = hn::Sub(mantissa, one);
     const I last = hn::Set(i, kLevels - 1);
-    const I fine = hn::Min(octave, last), coarse = hn::Min(hn::Add(octave, hn::Set(i, 1)), last);
-
     const I tile = hn::Load(i, looks.tile + k);
+    const Level fine(quads_.data(), tile, hn::Min(octave, last));
+    const Level coarse(quads_.data(), tile, hn::Min(hn::Add(octave, hn::Set(i, 1)), last));
+
     const F step = hn::Div(one, looks_wanted);
     F at = hn::MulSub(step, hn::Set(f, 0.5f), hn::Set(f, 0.5f));
     F sum = zero;
     const auto most = static_cast<int>(hn::GetLane(hn::MaxOfLanes(f, looks_wanted)));
     for (int look = 0; look < most; ++look) {
       const F tap_x = hn::MulAdd(at, along_x, x), tap_y = hn::MulAdd(at, along_y, y);
-      const F a = Bilinear(quads_.data(), tile, fine, tap_x, tap_y);
-      const F b = Bilinear(quads_.data(), tile, coarse, tap_x, tap_y);
+      const F a = fine.At(tap_x, tap_y), b = coarse.At(tap_x, tap_y);
       const auto counts = hn::Lt(hn::Set(f, static_cast<float>(look)), looks_wanted);
       sum = hn::Add(sum, hn::IfThenElseZero(counts, hn::MulAdd(share, hn::Sub(b, a), a)));
       at = hn::Add(at, step);
@@ -213,14 +228,14 @@ void Textures::LookUp(const TextureSpots& spots, int count, float* brightness) c
     looks.shift_u[k] = spots.seed[k] == 0 ? 0.f : static_cast<float>(hash % kTileSize);
     looks.shift_v[k] = spots.seed[k] == 0 ? 0.f : static_cast<float>((hash >> 20) % kTileSize);
   }
-  LookUpTiles(spots, looks, padded, brightness);
+  LookUpTiles(spots, looks, kMaxLooks, padded, brightness);
 
   alignas(32) float macro[TextureSpots::kCapacity];
   for (int k = 0; k < padded; ++k) {
     looks.tile[k] = layers_[static_cast<int>(spots.pattern[k])].macro_tile * kLevelOffsets[kLevels];
     looks.texels_per_m[k] = kTileSize / kMacroTileM;
   }
-  LookUpTiles(spots, looks, padded, macro);
+  LookUpTiles(spots, looks, kMaxMacroLooks, padded, macro);
   for (int k = 0; k < padded; ++k) {
     const float share = layers_[static_cast<int>(spots.pattern[k])].macro_share;
     brightness[k] *= 1 + share * (macro[k] - 1);

@@ -42,7 +42,8 @@ class Textures {
   struct Looks;
 
   Textures();
-  void LookUpTiles(const TextureSpots& spots, const Looks& looks, int count, float* value) const;
+  void LookUpTiles(const TextureSpots& spots, const Looks& looks, int max_looks, int count,
+                   float* value) const;
 
   std::vector<Layers> layers_;  ///< by pattern
   /// Four bytes at each texel: its own value and those of its neighbours to the right, below and

@@ -11,9 +11,9 @@
 
 #include "carmap/sim/ego_track.h"
 #include "carmap/sim/fleet.h"
-#include "carmap/sim/occupancy.h"
 #include "carmap/sim/lane_line.h"
 #include "carmap/sim/obstacle_map.h"
+#include "carmap/sim/occupancy.h"
 
 namespace carmap {
 
