@@ -100,6 +100,20 @@ class EditApplication {
     return true;
   }
 
+  bool RemoveKeyframe(const KeyframeId& id) {
+    const auto links = map_.landmarks_of_.find(id);
+    if (links == map_.landmarks_of_.end()) return false;
+    for (const auto& link : links->second) {
+      if (!link) continue;
+      auto& observations = map_.landmarks_.find(*link)->second.observations;
+      observations.erase(FirstNotBefore(observations, id));
+      RemoveIfUnseen(*link);
+    }
+    map_.landmarks_of_.erase(links);
+    map_.keyframes_.erase(id);
+    return true;
+  }
+
   void CountVersion() { ++map_.version_; }
 
  private:
@@ -151,6 +165,7 @@ absl::StatusOr<size_t> Apply(const MapEdit& edit, Map& map) {
   left_out += CountLeftOut(application, &Application::MoveLandmark, edit.moved_landmarks);
   left_out += CountLeftOut(application, &Application::ChangeDescriptor, edit.changed_descriptors);
   left_out += CountLeftOut(application, &Application::RemoveLandmark, edit.removed_landmarks);
+  left_out += CountLeftOut(application, &Application::RemoveKeyframe, edit.removed_keyframes);
   application.CountVersion();
   return left_out;
 }

@@ -43,6 +43,7 @@ struct MapEdit {
   std::vector<LandmarkPosition> moved_landmarks;
   std::vector<LandmarkDescriptor> changed_descriptors;
   std::vector<LandmarkId> removed_landmarks;
+  std::vector<KeyframeId> removed_keyframes;  ///< with their observations
 };
 
 /// Applies the edit and returns how many of its records were left out. A landmark that loses its

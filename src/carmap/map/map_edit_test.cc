@@ -245,6 +245,7 @@ class EditGenerator {
     Repeat([&] { edit.moved_keyframes.push_back({Frame(Below(12)), {}}); });
     Repeat([&] { edit.moved_landmarks.push_back({Mark(Below(40)), {1, 2, 3}}); });
     if (Below(4) == 0) Repeat([&] { edit.removed_landmarks.push_back(Mark(Below(40))); });
+    if (Below(10) == 0) edit.removed_keyframes.push_back(Frame(Below(12)));
     return edit;
   }
 
@@ -264,7 +265,8 @@ class EditGenerator {
 size_t RecordsOf(const MapEdit& e) {
   return e.added_keyframes.size() + e.added_landmarks.size() + e.added_observations.size() +
          e.removed_observations.size() + e.merges.size() + e.moved_keyframes.size() +
-         e.moved_landmarks.size() + e.changed_descriptors.size() + e.removed_landmarks.size();
+         e.moved_landmarks.size() + e.changed_descriptors.size() + e.removed_landmarks.size() +
+         e.removed_keyframes.size();
 }
 
 TEST(Apply, KeepsTheMapConsistentWhateverTheEdits) {
@@ -287,6 +289,17 @@ TEST(Apply, KeepsTheMapConsistentWhateverTheEdits) {
       ASSERT_EQ(twin.Find(id)->observations, landmark.observations);
     }
   }
+}
+
+TEST(Apply, AKeyframeGoesWithItsObservations) {
+  Map map = MakeMap();
+  MapEdit edit;
+  edit.removed_keyframes = {Frame(1), Frame(99)};
+  EXPECT_EQ(LeftOut(edit, map), 1u) << "the one that is not there";
+  EXPECT_EQ(map.Find(Frame(1)), nullptr);
+  EXPECT_EQ(map.Find(Mark(12)), nullptr) << "no other keyframe saw it";
+  EXPECT_THAT(map.Find(Mark(10))->observations, ElementsAre(Observation{Frame(2), 0}));
+  EXPECT_EQ(map.keyframes().size(), 2u);
 }
 
 }  // namespace

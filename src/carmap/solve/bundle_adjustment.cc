@@ -2,16 +2,16 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
-#include <cmath>
 #include <stdexcept>
 #include <utility>
 
+#include "carmap/solve/block_system.h"
+#include "carmap/solve/levenberg_marquardt.h"
 #include "carmap/solve/reprojection.h"
 
 namespace carmap {
 namespace {
 
-constexpr double kInitialLambda = 1e-4, kMinLambda = 1e-10, kMaxLambda = 1e10;
 /// Below this a diagonal element is damped as if it were this large: directions without
 /// information.
 constexpr double kMinDampedDiagonal = 1e-6;
@@ -46,6 +46,11 @@ void CheckIndices(const Bundle& bundle) {
     if (observation.pose_idx >= bundle.camera_from_map.size() ||
         observation.point_idx >= bundle.points_in_map.size()) {
       throw std::invalid_argument("bundle: an observation names a pose or point that is not there");
+    }
+  }
+  for (const PositionPrior& prior : bundle.priors) {
+    if (prior.pose_idx >= bundle.camera_from_map.size()) {
+      throw std::invalid_argument("bundle: a prior names a pose that is not there");
     }
   }
 }
@@ -95,6 +100,7 @@ class BundleAdjuster {
   BundleSummary Run(const BundleOptions& options) {
     BundleSummary summary;
     estimates_bias_ = options.estimate_disparity_bias;
+    MakeReducedSystem();
     bias_information_ = 1 / (options.bias_step_sigma_px * options.bias_step_sigma_px);
     max_bias_px_ = options.max_bias_px;
     summary.is_outlier.assign(bundle_.observations.size(), false);
@@ -115,40 +121,80 @@ class BundleAdjuster {
     return summary;
   }
 
+  /// Normal equations at the state: pose blocks, point blocks and the blocks between them.
+  double Linearize() {
+    UpdateRotations(state_);
+    pose_normals_.assign(free_count_, PoseNormal());
+    point_normals_.assign(state_.points_in_map.size(), PointNormal());
+    cross_blocks_.resize(projections_.size());
+    bias_normal_ = PoseNormal();
+    bias_normal_.hessian.diagonal() << bias_information_, bias_information_, bias_information_, 1,
+        1, 1;
+    bias_normal_.gradient.head<3>() = bias_information_ * BiasChange(state_);
+    bias_pose_blocks_.assign(free_count_, Matrix6d::Zero());
+    bias_point_blocks_.assign(state_.points_in_map.size(), CrossBlock::Zero());
+    double cost = CostOfPriors(state_);
+    for (const PositionPrior& prior : bundle_.priors) LinearizePrior(prior);
+    for (size_t j = 0; j < state_.points_in_map.size(); ++j) {
+      for (uint32_t k = point_begin_[j]; k < point_begin_[j + 1]; ++k) {
+        cost += LinearizeProjection(j, k);
+      }
+    }
+    return cost;
+  }
+
+  /// The damped step from state_ to trial_: eliminate the points, solve for the poses, then each
+  /// point by itself. False when the system is singular.
+  bool SolveDamped(double lambda) {
+    FactorPoints(lambda);
+    BuildReducedSystem(lambda);
+    if (!reduced_.Solve(pose_step_)) return false;
+    trial_ = state_;
+    if (estimates_bias_) {
+      trial_.disparity_bias_px = (state_.disparity_bias_px + pose_step_.segment<3>(6 * free_count_))
+                                     .cwiseMax(-max_bias_px_)
+                                     .cwiseMin(max_bias_px_);
+    }
+    for (size_t i = 0; i < free_idx_.size(); ++i) {
+      if (free_idx_[i] == kFixed) continue;
+      trial_.camera_from_map[i] =
+          Perturb(state_.camera_from_map[i], pose_step_.segment<6>(6 * free_idx_[i]));
+    }
+    MovePoints();
+    return true;
+  }
+
+  double TrialCost() { return Cost(trial_); }
+  void AcceptTrial() { std::swap(state_, trial_); }
+
  private:
   struct Eliminated {
     int free_idx;      ///< block of the reduced system
     CrossBlock block;  ///< W L^-T
   };
 
-  /// Levenberg-Marquardt; returns the number of linear systems solved.
   int Minimize(int max_iterations, const BundleOptions& options) {
-    double lambda = kInitialLambda;
-    double cost = Linearize();
-    int iterations = 0;
-    while (iterations < max_iterations && lambda < kMaxLambda && !IsStopped(options)) {
-      ++iterations;
-      if (!SolveDamped(lambda)) {
-        lambda *= 10;
-        continue;
-      }
-      const double trial_cost = Cost(trial_);
-      const bool is_converged = std::abs(cost - trial_cost) <= options.min_relative_decrease * cost;
-      if (trial_cost <= cost) {
-        std::swap(state_, trial_);
-        lambda = std::max(lambda / 10, kMinLambda);
-        if (is_converged || iterations == max_iterations) break;
-        cost = Linearize();
-      } else {
-        lambda *= 10;
-        if (is_converged) break;
-      }
-    }
-    return iterations;
+    return MinimizeLevenberg(*this, {.max_iterations = max_iterations,
+                                     .min_relative_decrease = options.min_relative_decrease,
+                                     .stop = options.stop});
   }
 
-  static bool IsStopped(const BundleOptions& options) {
-    return options.stop != nullptr && options.stop->load(std::memory_order_relaxed);
+  /// Blocks between poses that see a point in common, and all of the disparity bias.
+  void MakeReducedSystem() {
+    std::vector<std::vector<uint32_t>> viewers(bundle_.points_in_map.size());
+    for (const BundleObservation& o : bundle_.observations) {
+      if (free_idx_[o.pose_idx] != kFixed) viewers[o.point_idx].push_back(free_idx_[o.pose_idx]);
+    }
+    BlockPattern pattern(free_count_ + (estimates_bias_ ? 1 : 0));
+    for (const std::vector<uint32_t>& poses : viewers) {
+      for (size_t a = 0; a < poses.size(); ++a) {
+        for (size_t b = 0; b < a; ++b) pattern.Add(poses[a], poses[b]);
+      }
+    }
+    if (estimates_bias_) {
+      for (int i = 0; i < free_count_; ++i) pattern.Add(free_count_, i);
+    }
+    reduced_ = BlockSystem(pattern);
   }
 
   /// Brings the observations that count into the order the solver runs through: by point, and of
@@ -186,7 +232,7 @@ class BundleAdjuster {
 
   double Cost(const State& state) {
     UpdateRotations(state);
-    double cost = bias_information_ / 2 * BiasChange(state).squaredNorm();
+    double cost = CostOfPriors(state);
     Eigen::Vector3d error;
     for (size_t j = 0; j < state.points_in_map.size(); ++j) {
       for (uint32_t k = point_begin_[j]; k < point_begin_[j + 1]; ++k) {
@@ -201,23 +247,23 @@ class BundleAdjuster {
     return cost;
   }
 
-  /// Normal equations at the state: pose blocks, point blocks and the blocks between them.
-  double Linearize() {
-    UpdateRotations(state_);
-    pose_normals_.assign(free_count_, PoseNormal());
-    point_normals_.assign(state_.points_in_map.size(), PointNormal());
-    cross_blocks_.resize(projections_.size());
-    bias_normal_ = PoseNormal();
-    bias_normal_.hessian.diagonal() << bias_information_, bias_information_, bias_information_, 1,
-        1, 1;
-    bias_normal_.gradient.head<3>() = bias_information_ * BiasChange(state_);
-    bias_pose_blocks_.assign(free_count_, Matrix6d::Zero());
-    bias_point_blocks_.assign(state_.points_in_map.size(), CrossBlock::Zero());
-    double cost = bias_information_ / 2 * BiasChange(state_).squaredNorm();
-    for (size_t j = 0; j < state_.points_in_map.size(); ++j) {
-      for (uint32_t k = point_begin_[j]; k < point_begin_[j + 1]; ++k) {
-        cost += LinearizeProjection(j, k);
-      }
+  void LinearizePrior(const PositionPrior& prior) {
+    const int free_idx = free_idx_[prior.pose_idx];
+    if (free_idx == kFixed) return;
+    const Rigid3& pose = state_.camera_from_map[prior.pose_idx];
+    PoseNormal& normal = pose_normals_[free_idx];
+    AddPrior(prior, pose,
+             GemanMcClureWeight(PriorError(prior, pose).squaredNorm(), kPriorSquareScale),
+             normal.hessian, normal.gradient);
+  }
+
+  double CostOfPriors(const State& state) const {
+    double cost = bias_information_ / 2 * BiasChange(state).squaredNorm();
+    for (const PositionPrior& prior : bundle_.priors) {
+      cost +=
+          prior.weight *
+          GemanMcClureCost(PriorError(prior, state.camera_from_map[prior.pose_idx]).squaredNorm(),
+                           kPriorSquareScale);
     }
     return cost;
   }
@@ -270,27 +316,6 @@ class BundleAdjuster {
     }
   }
 
-  /// The damped step from state_ to trial_: eliminate the points, solve for the poses, then each
-  /// point by itself. False when the system is singular.
-  bool SolveDamped(double lambda) {
-    FactorPoints(lambda);
-    BuildReducedSystem(lambda);
-    if (block_count() > 0 && !SolveReducedSystem()) return false;
-    trial_ = state_;
-    if (estimates_bias_) {
-      trial_.disparity_bias_px = (state_.disparity_bias_px + pose_step_.segment<3>(6 * free_count_))
-                                     .cwiseMax(-max_bias_px_)
-                                     .cwiseMin(max_bias_px_);
-    }
-    for (size_t i = 0; i < free_idx_.size(); ++i) {
-      if (free_idx_[i] == kFixed) continue;
-      trial_.camera_from_map[i] =
-          Perturb(state_.camera_from_map[i], pose_step_.segment<6>(6 * free_idx_[i]));
-    }
-    MovePoints();
-    return true;
-  }
-
   /// Cholesky factors L of the damped point blocks. A point without information has none.
   void FactorPoints(double lambda) {
     point_factors_.resize(point_normals_.size());
@@ -309,18 +334,17 @@ class BundleAdjuster {
   /// S = U - W V^-1 W^T and its right side, from the factors W L^-T, whose products give W V^-1
   /// W^T.
   void BuildReducedSystem(double lambda) {
-    const size_t blocks = block_count();
-    reduced_blocks_.assign(blocks * (blocks + 1) / 2, Matrix6d::Zero());
-    pose_step_.resize(6 * static_cast<Eigen::Index>(blocks));
-    for (size_t i = 0; i < static_cast<size_t>(free_count_); ++i) {
-      Matrix6d& diagonal = ReducedBlock(i, i);
+    reduced_.SetZero();
+    pose_step_.resize(6 * static_cast<Eigen::Index>(reduced_.block_count()));
+    for (int i = 0; i < free_count_; ++i) {
+      Matrix6d& diagonal = reduced_.Block(i, i);
       diagonal = pose_normals_[i].hessian;
       DampDiagonal(lambda, diagonal);
       pose_step_.segment<6>(6 * i) = -pose_normals_[i].gradient;
     }
     if (estimates_bias_) {
-      for (int i = 0; i < free_count_; ++i) ReducedBlock(free_count_, i) = bias_pose_blocks_[i];
-      Matrix6d& diagonal = ReducedBlock(free_count_, free_count_);
+      for (int i = 0; i < free_count_; ++i) reduced_.Block(free_count_, i) = bias_pose_blocks_[i];
+      Matrix6d& diagonal = reduced_.Block(free_count_, free_count_);
       diagonal = bias_normal_.hessian;
       DampDiagonal(lambda, diagonal);
       pose_step_.segment<6>(6 * free_count_) = -bias_normal_.gradient;
@@ -354,29 +378,12 @@ class BundleAdjuster {
     const Eliminated& row = eliminated_.back();
     pose_step_.segment<6>(6 * row.free_idx) += row.block.lazyProduct(gradient);
     for (const Eliminated& column : eliminated_) {
-      Matrix6d& target = ReducedBlock(row.free_idx, column.free_idx);
+      Matrix6d& target = reduced_.Block(row.free_idx, column.free_idx);
       SubtractProduct(row.block, column.block, target);
       if (&row != &column && row.free_idx == column.free_idx) {
         SubtractProduct(column.block, row.block, target);
       }
     }
-  }
-
-  bool SolveReducedSystem() {
-    const int blocks = block_count();
-    Eigen::MatrixXd reduced(6 * blocks, 6 * blocks);
-    for (int row = 0; row < blocks; ++row) {
-      for (int column = 0; column <= row; ++column) {
-        reduced.block<6, 6>(6 * row, 6 * column) = ReducedBlock(row, column);
-      }
-    }
-    const Eigen::LLT<Eigen::MatrixXd> cholesky(reduced);
-    if (cholesky.info() == Eigen::Success) {
-      pose_step_ = cholesky.solve(pose_step_).eval();
-    } else {
-      pose_step_ = Eigen::LDLT<Eigen::MatrixXd>(reduced).solve(pose_step_).eval();
-    }
-    return pose_step_.allFinite();
   }
 
   void MovePoints() {
@@ -422,13 +429,6 @@ class BundleAdjuster {
     return state.disparity_bias_px - bundle_.rig.disparity_bias.coefficients_px;
   }
 
-  /// Blocks of the reduced system: the free poses, then the disparity bias if it is estimated.
-  int block_count() const { return free_count_ + (estimates_bias_ ? 1 : 0); }
-
-  Matrix6d& ReducedBlock(size_t row, size_t column) {
-    return reduced_blocks_[row * (row + 1) / 2 + column];
-  }
-
   Bundle& bundle_;
   State state_, trial_;
   std::vector<int> free_idx_;  ///< of a pose, or kFixed
@@ -451,8 +451,8 @@ class BundleAdjuster {
   std::vector<CrossBlock> cross_blocks_;  ///< of a projection; unset where the pose is fixed
   std::vector<Eigen::LLT<Eigen::Matrix3d>> point_factors_;
   std::vector<Eliminated> eliminated_;
-  std::vector<Matrix6d> reduced_blocks_;  ///< lower triangle of S by rows of blocks
-  Eigen::VectorXd pose_step_;             ///< right side of the reduced system, then its solution
+  BlockSystem reduced_;        ///< the free poses, then the disparity bias if it is estimated
+  Eigen::VectorXd pose_step_;  ///< right side of the reduced system, then its solution
 };
 
 }  // namespace

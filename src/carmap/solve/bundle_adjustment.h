@@ -1,5 +1,6 @@
-// Bundle adjustment of a window: keyframe poses and landmark positions together (paper §2, error
-// minimization). Schur complement over the landmarks, dense solution of what is left.
+// Bundle adjustment: keyframe poses and landmark positions together (paper §2, error minimization),
+// of a window or of a whole drive. Landmarks are eliminated (Schur complement); what is left is
+// solved by blocks, as sparse as covisibility is.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,6 +11,7 @@
 #include "carmap/geometry/camera.h"
 #include "carmap/geometry/rigid3.h"
 #include "carmap/solve/pose_refinement.h"
+#include "carmap/solve/position_prior.h"
 
 namespace carmap {
 
@@ -25,9 +27,10 @@ struct Bundle {
   StereoRig rig;
   MeasurementNoise noise;
   std::vector<Rigid3> camera_from_map;  ///< poses
-  std::vector<bool> pose_is_fixed;      ///< one a pose; at least one should be
+  std::vector<bool> pose_is_fixed;  ///< one a pose; at least one should be, unless there are priors
   std::vector<Eigen::Vector3d> points_in_map;
   std::vector<BundleObservation> observations;
+  std::vector<PositionPrior> priors;  ///< robust, so that wrong fixes do not bend the map
 };
 
 struct BundleOptions {
