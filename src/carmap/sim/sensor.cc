@@ -105,8 +105,9 @@ double AutomaticGain(const cv::Mat& radiance) {
     std::nth_element(values.begin(), nth, values.end());
     return std::max(double{*nth}, 1e-6);
   };
-  constexpr double kMiddle = 0.35, kBright = 1.6;  ///< of white
-  return std::min(kMiddle / quantile(0.5), kBright / quantile(0.95));
+  constexpr double kDarkest = 0.25, kBrightest = 0.42;  ///< median, of white
+  const double median = quantile(0.5);
+  return std::clamp(1 / quantile(0.96), kDarkest / median, kBrightest / median);
 }
 
 }  // namespace carmap

@@ -25,8 +25,8 @@ struct SensorOptions {
 cv::Mat Expose(const RenderedView& view, const SensorOptions& options, double gain, uint32_t frame,
                uint32_t camera);
 
-/// The gain that an automatic exposure tends to for this view: its middle grey at 0.35 or so, with
-/// bright parts not burnt out.
+/// The gain that an automatic exposure tends to for this view: only the brightest twenty-fifth is
+/// burnt out, unless that would leave the middle too dark or too bright.
 double AutomaticGain(const cv::Mat& radiance);
 
 }  // namespace carmap

@@ -90,11 +90,15 @@ TEST(Sensor, MotionBlursAlongItsWayAndNotAcross) {
   }
 }
 
-TEST(Sensor, GainBringsTheMiddleToGreyAndKeepsBrightParts) {
+TEST(Sensor, GainBringsBrightPartsToWhiteAndKeepsTheMiddleGrey) {
   cv::Mat radiance(100, 100, CV_32F, cv::Scalar(0.1));
-  EXPECT_NEAR(AutomaticGain(radiance), 3.5, 1e-3);
-  radiance.rowRange(0, 30).setTo(1.f);
-  EXPECT_LT(AutomaticGain(radiance), 2);
+  cv::Mat sky = radiance.rowRange(0, 30);
+  sky.setTo(0.3f);
+  EXPECT_NEAR(AutomaticGain(radiance), 1 / 0.3, 1e-3);
+  sky.setTo(2.f);
+  EXPECT_NEAR(AutomaticGain(radiance) * 0.1, 0.25, 1e-3);
+  sky.setTo(0.1f);
+  EXPECT_NEAR(AutomaticGain(radiance) * 0.1, 0.42, 1e-3);
 }
 
 }  // namespace
