@@ -161,6 +161,7 @@ TEST_F(CliTest, MapsADrive) {
   EXPECT_NEAR(report["path_length_m"].get<double>(), 12, 0.3);
   EXPECT_LE(report["ate_rmse_m"].get<double>(), 0.1);
   EXPECT_TRUE(report["lost_frames"].empty());
+  EXPECT_EQ(report["parts"].size(), 1u);
   for (const char* key :
        {"keyframes", "landmarks", "observations", "wall_s", "peak_rss_mb", "bytes_per_landmark",
         "lean_mb_per_km", "t_rel_percent", "r_rel_deg_per_100m", "t_rel_5_50_percent"}) {

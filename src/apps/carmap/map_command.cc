@@ -112,6 +112,9 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const CompositionBy
                                  {"lean", composition.lean}};
   report["disparity_bias_px"] = {bias.x(), bias.y(), bias.z()};
   report["lost_frames"] = ToJson(run.mapped.lost_frames);
+  for (const MapPart& part : run.mapped.parts) {
+    report["parts"].push_back({{"first_index", part.first_index}, {"keyframes", part.keyframes}});
+  }
   if (run.evaluation) AddErrors(*run.evaluation, report);
   return report;
 }
@@ -147,6 +150,10 @@ void PrintSummary(const Run& run, size_t frames, const Arguments& arguments) {
   fmt::print("frame         {} ms\n", ToText(Summarize(run.mapped.frame_ms), 1));
   fmt::print("map           {}, {}, {}, {}\n", arguments.out, BytesText(bytes),
              Count(lean.keyframes.size(), "keyframe"), Count(lean.landmarks.size(), "landmark"));
+  if (run.mapped.parts.size() > 1) {
+    fmt::print("parts         {}, that only the vehicle's speed connects\n",
+               run.mapped.parts.size());
+  }
   if (!run.evaluation) return;
   if (run.evaluation->ate) {
     fmt::print("ground truth  absolute error {:.3f} m (RMSE)", run.evaluation->ate->rmse_m);
@@ -230,7 +237,8 @@ of each stage (reading, tracking and mapping overlap unless --sequential); wall_
 with its index and the features of its keyframes.
 
 A frame that cannot be read or tracked is left out: a line says which and why, the map holds the
-rest, and the exit code is 3.
+rest, and the exit code is 3. Where the vehicle was blind for long and what it saw after is not in
+the map, a new part of the map begins, put where its speed led to; the report lists the parts.
 
 Examples:
   carmap map kitti06_000-050 --out road.cmap

@@ -19,6 +19,16 @@ std::vector<KeyframeId> Without(std::vector<KeyframeId> ids, KeyframeId id) {
   return ids;
 }
 
+bool Contains(const std::vector<KeyframeId>& ids, KeyframeId id) {
+  return std::find(ids.begin(), ids.end(), id) != ids.end();
+}
+
+std::vector<KeyframeId> Union(const std::vector<KeyframeId>& a, const std::vector<KeyframeId>& b) {
+  std::vector<KeyframeId> both;
+  std::set_union(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
+  return both;
+}
+
 /// Records that keyframe `keyframe_id` sees the matched landmarks: a free feature becomes an
 /// observation; one that belongs to another landmark shows that the two are the same.
 void LinkMatches(const Map& map, const MapSnapshot& snapshot, KeyframeId keyframe_id,
@@ -72,16 +82,70 @@ std::shared_ptr<const LocalMap> LocalMapper::Insert(const NewKeyframe& new_keyfr
     const MapEdit edit = make_edit();
     Carry(step, edit, watch.ElapsedMs());
   };
+  if (new_keyframe.begins_part) {
+    run("join", [&] { return LeavePart(); });
+    open_part_ = OpenPart{id, new_keyframe.gap};
+  }
   run("insert", [&] { return InsertKeyframe(new_keyframe); });
-  std::vector<KeyframeId> window = WindowAround(id);
+  std::vector<KeyframeId> window = WindowAround(map_, id, options_.window);
+  std::optional<KeyframeId> joined_at;
+  run("join", [&] { return JoinPart(id, joined_at); });
+  if (joined_at) window = Union(window, WindowAround(map_, *joined_at, options_.window));
   run("find_known", [&] { return FindKnownLandmarks(id, window); });
   run("create", [&] { return CreateLandmarks(id); });
   run("find_in_neighbours", [&] { return FindInNeighbours(id, window); });
   run("refresh_descriptors", [&] { return RefreshDescriptors(id); });
   run("cull", [&] { return CullLandmarks(); });
-  window = WindowAround(id);
+  window = WindowAround(map_, id, options_.window);
   run("adjust", [&] { return AdjustWindow(window); });
-  return std::make_shared<const LocalMap>(LocalMap{SnapshotOf(map_, window), rig_});
+  run("cull", [&] { return CullKeyframes(id, window); });
+  return MapAround(id);
+}
+
+std::shared_ptr<const LocalMap> LocalMapper::MapAround(KeyframeId id) const {
+  return std::make_shared<const LocalMap>(
+      LocalMap{SnapshotOf(map_, WindowAround(map_, id, options_.window)), id, rig_});
+}
+
+std::optional<LocatedFrame> LocalMapper::Locate(const std::vector<Feature>& features,
+                                                const Rigid3& predicted_map_from_camera) {
+  const FeatureGrid grid(features, rig_.camera.width, rig_.camera.height);
+  const std::vector<KeyframeId> all = KeyframesBefore(std::nullopt);
+  auto found = FindNear(map_, all, grid, rig_, predicted_map_from_camera, options_.recovery);
+  if (!found) found = FindAnywhere(map_, all, grid, rig_, options_.recovery);
+  if (!found) return std::nullopt;
+  LocatedFrame located{std::make_shared<const LocalMap>(
+                           LocalMap{std::move(found->snapshot), found->keyframe_id, rig_}),
+                       std::move(found->pose)};
+  if (open_part_ && found->keyframe_id < open_part_->first) {
+    const Stopwatch watch;
+    const MapEdit edit = LeavePart();
+    Carry("join", edit, watch.ElapsedMs());
+  }
+  return located;
+}
+
+std::optional<Rigid3> LocalMapper::PoseOf(KeyframeId id) const {
+  Rigid3 anchor_from_camera;
+  for (auto anchor = anchors_.find(id); anchor != anchors_.end(); anchor = anchors_.find(id)) {
+    anchor_from_camera = anchor->second.anchor_from_camera * anchor_from_camera;
+    id = anchor->second.keyframe_id;
+  }
+  const Keyframe* keyframe = map_.Find(id);
+  if (!keyframe) return std::nullopt;
+  return keyframe->map_from_camera * anchor_from_camera;
+}
+
+void LocalMapper::DropShreds() {
+  const std::vector<std::vector<KeyframeId>> parts = ConnectedParts(map_);
+  const auto by_size = [](const auto& a, const auto& b) { return a.size() < b.size(); };
+  const auto largest = std::max_element(parts.begin(), parts.end(), by_size);
+  MapEdit edit{.base_version = map_.version()};
+  for (auto part = parts.begin(); part != parts.end(); ++part) {
+    if (part == largest || part->size() >= options_.min_part_keyframes) continue;
+    edit.removed_keyframes.insert(edit.removed_keyframes.end(), part->begin(), part->end());
+  }
+  Carry("cull", edit, 0);
 }
 
 void LocalMapper::Carry(const char* step, const MapEdit& edit, double elapsed_ms) {
@@ -90,25 +154,51 @@ void LocalMapper::Carry(const char* step, const MapEdit& edit, double elapsed_ms
   step_ms_[step] += elapsed_ms + watch.ElapsedMs();
 }
 
-/// The newest keyframe and those that share most landmarks with it, ascending.
-std::vector<KeyframeId> LocalMapper::WindowAround(KeyframeId id) const {
-  absl::btree_map<KeyframeId, int> shared;
-  for (const auto& link : map_.LandmarksOf(id)) {
-    if (!link) continue;
-    for (const Observation& observation : map_.Find(*link)->observations)
-      ++shared[observation.keyframe_id];
+std::vector<KeyframeId> LocalMapper::KeyframesBefore(std::optional<KeyframeId> end) const {
+  std::vector<KeyframeId> ids;
+  for (const auto& [id, keyframe] : map_.keyframes()) {
+    if (end && !(id < *end)) break;
+    ids.push_back(id);
   }
-  shared.erase(id);
-  std::vector<std::pair<int, KeyframeId>> ranked;
-  for (const auto& [other, count] : shared) {
-    if (count >= options_.min_shared_landmarks) ranked.emplace_back(count, other);
+  return ids;
+}
+
+/// Looks for the newest keyframe of an open part in the map before it. Until it is found, the part
+/// lies where the speeds before and after the gap put it.
+MapEdit LocalMapper::JoinPart(KeyframeId newest, std::optional<KeyframeId>& joined_at) {
+  MapEdit nothing{.base_version = map_.version()};
+  if (!open_part_ || newest == open_part_->first) return nothing;
+  const Keyframe& keyframe = *map_.Find(newest);
+  const FeatureGrid grid(*keyframe.features, rig_.camera.width, rig_.camera.height);
+  const auto found = FindNear(map_, KeyframesBefore(open_part_->first), grid, rig_,
+                              keyframe.map_from_camera, options_.recovery);
+  const KeyframeId first = open_part_->first;
+  const Gap gap = open_part_->gap;
+  const size_t keyframes = open_part_->keyframes++;
+  if (found || keyframes == options_.join_attempts) open_part_.reset();
+  if (found) {
+    joined_at = found->keyframe_id;
+    return MovePart(map_, first,
+                    (keyframe.map_from_camera * found->pose.camera_from_map).Inverse());
   }
-  std::sort(ranked.rbegin(), ranked.rend());
-  ranked.resize(std::min(ranked.size(), options_.window_keyframes - 1));
-  std::vector<KeyframeId> window = {id};
-  for (const auto& [count, other] : ranked) window.push_back(other);
-  std::sort(window.begin(), window.end());
-  return window;
+  const auto map_from_reference = PoseOf(gap.reference);
+  if (keyframes > 1 || !map_from_reference) return nothing;
+  const Keyframe& first_keyframe = *map_.Find(first);
+  const Rigid3 bridged = BridgeGap(
+      gap, *map_from_reference, keyframe.map_from_camera.Inverse() * first_keyframe.map_from_camera,
+      keyframe.timestamp.seconds() - first_keyframe.timestamp.seconds());
+  return MovePart(map_, first, bridged * first_keyframe.map_from_camera.Inverse());
+}
+
+/// Gives up an open part, and its keyframes if they are too few to be of use.
+MapEdit LocalMapper::LeavePart() {
+  MapEdit edit{.base_version = map_.version()};
+  if (open_part_ && open_part_->keyframes < options_.min_part_keyframes) {
+    for (auto k = map_.keyframes().lower_bound(open_part_->first); k != map_.keyframes().end(); ++k)
+      edit.removed_keyframes.push_back(k->first);
+  }
+  open_part_.reset();
+  return edit;
 }
 
 MapEdit LocalMapper::InsertKeyframe(const NewKeyframe& new_keyframe) const {
@@ -157,7 +247,7 @@ MapEdit LocalMapper::CreateLandmarks(KeyframeId newest) {
                                     .observations = {{newest, static_cast<int32_t>(i)}}});
     created.push_back(id);
   }
-  on_trial_.emplace_back(newest, std::move(created));
+  on_trial_.push_back(std::move(created));
   return edit;
 }
 
@@ -192,15 +282,35 @@ MapEdit LocalMapper::RefreshDescriptors(KeyframeId newest) const {
 
 /// Landmarks that did not prove themselves within their trial (§2: transient features are
 /// filtered).
-MapEdit LocalMapper::CullLandmarks() const {
+MapEdit LocalMapper::CullLandmarks() {
   MapEdit edit{.base_version = map_.version()};
   if (on_trial_.size() <= options_.trial_keyframes) return edit;
-  const auto& [keyframe_id, landmark_ids] =
-      on_trial_[on_trial_.size() - 1 - options_.trial_keyframes];
-  for (const LandmarkId& id : landmark_ids) {
+  for (const LandmarkId& id : on_trial_.front()) {
     const Landmark* landmark = map_.Find(id);
     if (landmark && landmark->observations.size() < options_.min_trial_observations) {
       edit.removed_landmarks.push_back(id);
+    }
+  }
+  on_trial_.pop_front();
+  return edit;
+}
+
+/// Keyframes that left the window and show nothing that others do not.
+MapEdit LocalMapper::CullKeyframes(KeyframeId newest, const std::vector<KeyframeId>& window) {
+  MapEdit edit{.base_version = map_.version()};
+  std::vector<KeyframeId> candidates;
+  for (const auto& [id, shared] :
+       CovisibleKeyframes(map_, newest, options_.window.min_shared_landmarks)) {
+    if (id == map_.keyframes().begin()->first) continue;
+    if (!std::binary_search(window.begin(), window.end(), id)) candidates.push_back(id);
+  }
+  edit.removed_keyframes = RedundantKeyframes(map_, candidates, options_.culling);
+  for (const KeyframeId& id : edit.removed_keyframes) {
+    for (const auto& [other, shared] : CovisibleKeyframes(map_, id, 1)) {
+      if (Contains(edit.removed_keyframes, other)) continue;
+      anchors_[id] = {other,
+                      map_.Find(other)->map_from_camera.Inverse() * map_.Find(id)->map_from_camera};
+      break;
     }
   }
   return edit;

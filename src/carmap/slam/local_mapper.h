@@ -4,8 +4,12 @@
 // The one writer of its Map: owned by one thread. Each step reads the map and returns a MapEdit.
 #pragma once
 
+#include <absl/container/btree_map.h>
+
+#include <deque>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -15,14 +19,17 @@
 #include "carmap/map/map.h"
 #include "carmap/map/map_edit.h"
 #include "carmap/map/map_snapshot.h"
+#include "carmap/slam/keyframe_culling.h"
+#include "carmap/slam/map_parts.h"
+#include "carmap/slam/map_window.h"
+#include "carmap/slam/recovery.h"
 #include "carmap/solve/bundle_adjustment.h"
 
 namespace carmap {
 
 struct LocalMapperOptions {
   MeasurementNoise noise;
-  size_t window_keyframes = 12;       ///< adjusted together, and offered to the tracker
-  int min_shared_landmarks = 15;      ///< for a keyframe to count as a neighbour
+  WindowOptions window;               ///< adjusted together, and offered to the tracker
   double min_new_disparity_px = 1.5;  ///< of a feature that becomes a landmark
   size_t trial_keyframes = 3;         ///< a landmark this many keyframes old ...
   size_t min_trial_observations = 3;  ///< ... must have been seen by this many, or goes
@@ -31,19 +38,31 @@ struct LocalMapperOptions {
   double bias_step_sigma_rad = 1e-4;  ///< see BundleOptions; as angles, to suit any image size
   double max_bias_rad = 0.7e-3;       ///< half a pixel at a focal length of 700
   BundleOptions bundle;
+  KeyframeCullingOptions culling;
+  RecoveryOptions recovery;
+  size_t join_attempts = 10;      ///< keyframes of a new part that are looked for in the older map
+  size_t min_part_keyframes = 3;  ///< a part that ends with fewer goes
 };
 
 /// A frame chosen as keyframe, with the landmarks that tracking found in it.
 struct NewKeyframe {
   Keyframe keyframe;
   std::vector<std::pair<LandmarkId, uint32_t>> landmark_of_feature;
+  bool begins_part = false;  ///< of the map, since the vehicle was lost before
+  Gap gap;                   ///< if so, what is known from before
 };
 
-/// What the mapper offers the tracker: the map around the newest keyframe, and the rig as
-/// calibrated so far.
+/// What the mapper offers the tracker: the map around a keyframe, and the rig as calibrated so far.
 struct LocalMap {
   MapSnapshot snapshot;
+  KeyframeId reference;  ///< the keyframe around which it lies
   StereoRig rig;
+};
+
+/// A frame found again, and the map around it.
+struct LocatedFrame {
+  std::shared_ptr<const LocalMap> local;
+  TrackedPose pose;  ///< in local->snapshot
 };
 
 class LocalMapper {
@@ -54,6 +73,22 @@ class LocalMapper {
   /// Takes the keyframe into the map, improves the map around it, and returns that part.
   std::shared_ptr<const LocalMap> Insert(const NewKeyframe& keyframe);
 
+  /// The map around a keyframe that is in it.
+  std::shared_ptr<const LocalMap> MapAround(KeyframeId id) const;
+
+  /// Finds a frame anywhere in the map, first near to where it should be. Leaves the newest part of
+  /// the map when it is found in an older one.
+  std::optional<LocatedFrame> Locate(const std::vector<Feature>& features,
+                                     const Rigid3& predicted_map_from_camera);
+
+  /// At the end of the drive: removes what is left of parts too short to hold a landmark that can
+  /// be trusted.
+  void DropShreds();
+
+  /// Pose of a keyframe that was taken in, also of one that was redundant and went; nothing if it
+  /// went with a part that came to nothing.
+  std::optional<Rigid3> PoseOf(KeyframeId id) const;
+
   const Map& map() const { return map_; }
   /// The rig with the disparity bias that the adjustments found.
   const StereoRig& rig() const { return rig_; }
@@ -61,13 +96,16 @@ class LocalMapper {
   const std::map<std::string, double>& step_ms() const { return step_ms_; }
 
  private:
-  std::vector<KeyframeId> WindowAround(KeyframeId id) const;
   MapEdit InsertKeyframe(const NewKeyframe& keyframe) const;
   MapEdit FindKnownLandmarks(KeyframeId newest, const std::vector<KeyframeId>& window) const;
   MapEdit CreateLandmarks(KeyframeId newest);
   MapEdit FindInNeighbours(KeyframeId newest, const std::vector<KeyframeId>& window) const;
   MapEdit RefreshDescriptors(KeyframeId newest) const;
-  MapEdit CullLandmarks() const;
+  MapEdit CullLandmarks();
+  MapEdit CullKeyframes(KeyframeId newest, const std::vector<KeyframeId>& window);
+  MapEdit JoinPart(KeyframeId newest, std::optional<KeyframeId>& joined_at);
+  MapEdit LeavePart();
+  std::vector<KeyframeId> KeyframesBefore(std::optional<KeyframeId> end) const;
   MapEdit AdjustWindow(const std::vector<KeyframeId>& window);
   Eigen::Vector3d Triangulate(const Keyframe& keyframe, const Feature& feature) const;
   void Carry(const char* step, const MapEdit& edit, double elapsed_ms);
@@ -77,8 +115,22 @@ class LocalMapper {
   const LocalMapperOptions options_;
   Map map_;
   uint32_t next_landmark_index_ = 0;
-  /// Landmarks on trial and the keyframe that created them, oldest first.
-  std::vector<std::pair<KeyframeId, std::vector<LandmarkId>>> on_trial_;
+  std::deque<std::vector<LandmarkId>> on_trial_;  ///< by keyframe that created them, oldest first
+
+  /// The newest part of the map while nothing joins it to the rest.
+  struct OpenPart {
+    KeyframeId first;
+    Gap gap;
+    size_t keyframes = 1;
+  };
+  std::optional<OpenPart> open_part_;
+
+  /// Where a keyframe was that went, by one that stayed at the time.
+  struct Anchor {
+    KeyframeId keyframe_id;
+    Rigid3 anchor_from_camera;
+  };
+  absl::btree_map<KeyframeId, Anchor> anchors_;
   std::map<std::string, double> step_ms_;
 };
 

@@ -183,7 +183,7 @@ TEST_F(LocalMapperTest, FindsTheRigsDisparityBias) {
 }
 
 TEST_F(LocalMapperTest, OffersAWindowOfSoManyKeyframes) {
-  LocalMapper mapper(kStreetRig, kDrive, {.window_keyframes = 4});
+  LocalMapper mapper(kStreetRig, kDrive, {.window = {.keyframes = 4}});
   std::shared_ptr<const LocalMap> local;
   for (uint32_t i = 0; i < 8; ++i) local = mapper.Insert(TrackedAt(mapper, i, See(i)));
   ASSERT_EQ(local->snapshot.keyframes.size(), 4u);

@@ -42,8 +42,19 @@ class MappingStage {
     changed_.wait(lock, [&] { return published_ == inserted_; });
     return local_map_;
   }
+  /// From here on offers the map around this keyframe, until another is inserted.
+  void MoveTo(KeyframeId id) {
+    if (WaitForMap()->reference != id) local_map_ = mapper_.MapAround(id);
+  }
+  std::optional<LocatedFrame> Locate(const std::vector<Feature>& features,
+                                     const Rigid3& predicted_map_from_camera) {
+    WaitForMap();  // the mapper rests, so it can be asked from here
+    auto located = mapper_.Locate(features, predicted_map_from_camera);
+    if (located) local_map_ = located->local;
+    return located;
+  }
   size_t inserted() const { return inserted_; }
-  const LocalMapper& Finish() {
+  LocalMapper& Finish() {
     queue_.Close();
     if (thread_.joinable()) thread_.join();
     return mapper_;
@@ -122,18 +133,46 @@ class FrontEndStage {
   RunAhead<ExtractedFrame> frames_;
 };
 
-/// Poses in the finished map: each frame moved along with its reference keyframe.
-Trajectory FinalTrajectory(const Map& map, const std::vector<TrackedFrame>& frames,
-                           const std::vector<Timestamp>& timestamps) {
-  Trajectory trajectory;
-  for (size_t i = 0; i < frames.size(); ++i) {
-    TimedPose& pose = trajectory.emplace_back();
-    pose.timestamp = timestamps[i];
-    if (!frames[i].reference) continue;
-    pose.world_from_camera =
-        map.Find(*frames[i].reference)->map_from_camera * frames[i].camera_from_reference.Inverse();
+TrackedFrame TrackOrRecover(const ExtractedFrame& frame, Tracker& tracker, MappingStage& mapping) {
+  const auto local_map = mapping.WaitForMap();
+  TrackedFrame tracked = tracker.Track(frame.timestamp, *frame.features, local_map.get());
+  if (!tracked.is_misplaced) return tracked;
+  const auto found = mapping.Locate(*frame.features, tracked.map_from_camera);
+  return found ? tracker.Resume(frame.timestamp, *found) : tracked;
+}
+
+/// Hands the frame to the mapper if it is to be a keyframe; else the map moves along with it.
+void FollowUp(const ExtractedFrame& frame, DriveId drive_id, TrackedFrame& tracked,
+              MappingStage& mapping) {
+  if (tracked.wants_keyframe || tracked.begins_part) {
+    const KeyframeId id{drive_id, frame.index};
+    mapping.Insert({{id, frame.timestamp, tracked.map_from_camera, frame.gps, frame.features},
+                    tracked.landmark_of_feature,
+                    tracked.begins_part,
+                    tracked.gap});
+    tracked.reference = id;
+    tracked.camera_from_reference = {};
+  } else if (tracked.reference) {
+    mapping.MoveTo(*tracked.reference);
   }
-  return trajectory;
+}
+
+/// Poses in the finished map: each frame moved along with its reference keyframe.
+void FinishFrames(const LocalMapper& mapper, const std::vector<TrackedFrame>& frames,
+                  uint32_t first_index, MappedDrive& result) {
+  for (size_t i = 0; i < frames.size(); ++i) {
+    std::optional<Rigid3> map_from_reference;
+    if (frames[i].reference) map_from_reference = mapper.PoseOf(*frames[i].reference);
+    if (map_from_reference) {
+      result.trajectory[i].world_from_camera =
+          *map_from_reference * frames[i].camera_from_reference.Inverse();
+      continue;
+    }
+    result.lost_frames.push_back({first_index + static_cast<uint32_t>(i),
+                                  frames[i].reference
+                                      ? "the part of the map that it began was too short to be kept"
+                                      : frames[i].lost_because});
+  }
 }
 
 void CountTimes(const ExtractedFrame& frame, double track_ms, MappedDrive& result) {
@@ -153,40 +192,36 @@ absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id,
   Tracker tracker(options.tracker);
   MappingStage mapping(LocalMapper(source.rig(), drive_id, options.mapper), options.sequential);
   std::vector<TrackedFrame> frames;
-  std::vector<Timestamp> timestamps;
 
   for (size_t n = 0; n < source.frame_count(); ++n) {
     const ExtractedFrame frame = front_end.Next();
     TrackedFrame& tracked = frames.emplace_back();
-    timestamps.push_back(frame.timestamp);
+    result.trajectory.push_back({.timestamp = frame.timestamp});
     if (frame.features) {
-      const auto local_map = mapping.WaitForMap();
+      mapping.WaitForMap();
       const Stopwatch watch;
-      tracked = tracker.Track(frame.timestamp, *frame.features, local_map.get());
+      tracked = TrackOrRecover(frame, tracker, mapping);
       CountTimes(frame, watch.ElapsedMs(), result);
-      if (tracked.wants_keyframe) {
-        const KeyframeId id{drive_id, frame.index};
-        mapping.Insert({{id, frame.timestamp, tracked.map_from_camera, frame.gps, frame.features},
-                        tracked.landmark_of_feature});
-        tracked.reference = id;
-        tracked.camera_from_reference = {};
-      }
+      FollowUp(frame, drive_id, tracked, mapping);
     } else {
       tracked.lost_because = frame.unusable_because;
     }
-    if (!tracked.reference) result.lost_frames.push_back({frame.index, tracked.lost_because});
     if (progress) progress(n + 1, mapping.inserted());
   }
 
-  const LocalMapper& mapper = mapping.Finish();
+  LocalMapper& mapper = mapping.Finish();
   if (mapper.map().keyframes().empty()) {
     return absl::FailedPreconditionError(
         fmt::format("no frame of {} could be tracked; the first: {}", frames.size(),
                     frames.empty() ? "there is none" : frames.front().lost_because));
   }
+  mapper.DropShreds();
+  FinishFrames(mapper, frames, source.first_index(), result);
+  for (const std::vector<KeyframeId>& part : ConnectedParts(mapper.map())) {
+    result.parts.push_back({part.front().index, part.size()});
+  }
   result.map = mapper.map();
   result.rig = mapper.rig();
-  result.trajectory = FinalTrajectory(result.map, frames, timestamps);
   result.stage_ms["read"] = front_end.read_ms();
   for (const auto& [step, ms] : mapper.step_ms()) result.stage_ms["map_" + step] = ms;
   return result;

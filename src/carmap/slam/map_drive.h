@@ -35,11 +35,19 @@ struct LostFrame {
   std::string reason;
 };
 
+/// A stretch of the drive that nothing but the vehicle's speed connects to the rest of the map: it
+/// was blind before, and what it saw after was not found in the map.
+struct MapPart {
+  uint32_t first_index = 0;  ///< frame number of its first keyframe
+  size_t keyframes = 0;
+};
+
 struct MappedDrive {
   Map map;
   StereoRig rig;          ///< the source's, with the disparity bias found on the way
   Trajectory trajectory;  ///< in the map's frame, one entry a frame, after all adjustments
   std::vector<LostFrame> lost_frames;
+  std::vector<MapPart> parts;              ///< one if the whole map holds together
   std::vector<double> frame_ms;            ///< from images in memory to the frame's pose
   std::map<std::string, double> stage_ms;  ///< total of each stage
 };
@@ -47,7 +55,9 @@ struct MappedDrive {
 /// Called after each frame with the number of frames and keyframes so far.
 using MapProgress = std::function<void(size_t frames, size_t keyframes)>;
 
-/// Maps what can be tracked; frames that cannot are listed with the reason.
+/// Maps what can be tracked; frames that cannot are listed with the reason. A drive that cannot go
+/// on in its map begins a new part, which lies where the vehicle must have come to, and is joined
+/// to the rest when it is found there.
 /// Errors: FailedPrecondition when no frame could be tracked.
 absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id,
                                      const MapDriveOptions& options,

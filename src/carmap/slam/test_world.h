@@ -100,16 +100,14 @@ struct TestDrive {
   std::vector<Rigid3> world_from_camera;  ///< the truth
 };
 
-/// A drive straight on with a slight weave, 0.6 m a frame.
-inline TestDrive RenderTestDrive(uint32_t frame_count, const TestWorld& world = TestWorld(),
-                                 const StereoRig& rig = kTestWorldRig) {
-  TestDrive drive{.rig = rig, .frames = {}, .world_from_camera = {}};
-  for (uint32_t i = 0; i < frame_count; ++i) {
-    const double z = 0.6 * i;
-    const Rigid3 pose{RotationExp({0.004 * std::sin(z), 0.03 * std::sin(z / 4), 0}),
-                      {0.5 * std::sin(z / 5), 0.02 * std::sin(2 * z), z}};
+/// What a rig sees at each of the poses, ten a second.
+inline TestDrive RenderAlong(const std::vector<Rigid3>& world_from_camera,
+                             const TestWorld& world = TestWorld(),
+                             const StereoRig& rig = kTestWorldRig) {
+  TestDrive drive{.rig = rig, .frames = {}, .world_from_camera = world_from_camera};
+  for (uint32_t i = 0; i < world_from_camera.size(); ++i) {
+    const Rigid3& pose = world_from_camera[i];
     const Rigid3 right_pose{pose.rotation, pose * Eigen::Vector3d(rig.baseline_m, 0, 0)};
-    drive.world_from_camera.push_back(pose);
     drive.frames.push_back({.index = i,
                             .timestamp = Timestamp::FromSeconds(0.1 * i),
                             .left = world.Render(rig.camera, pose, 2 * i),
@@ -117,6 +115,20 @@ inline TestDrive RenderTestDrive(uint32_t frame_count, const TestWorld& world = 
                             .gps = {}});
   }
   return drive;
+}
+
+/// On the way straight on with a slight weave.
+inline Rigid3 WeavingPose(double z_m) {
+  return {RotationExp({0.004 * std::sin(z_m), 0.03 * std::sin(z_m / 4), 0}),
+          {0.5 * std::sin(z_m / 5), 0.02 * std::sin(2 * z_m), z_m}};
+}
+
+/// A drive along it, 0.6 m a frame.
+inline TestDrive RenderTestDrive(uint32_t frame_count, const TestWorld& world = TestWorld(),
+                                 const StereoRig& rig = kTestWorldRig) {
+  std::vector<Rigid3> poses;
+  for (uint32_t i = 0; i < frame_count; ++i) poses.push_back(WeavingPose(0.6 * i));
+  return RenderAlong(poses, world, rig);
 }
 
 /// Frames in memory. Those of `unreadable` are errors.

@@ -23,11 +23,17 @@ const SnapshotKeyframe* Find(const MapSnapshot& map, KeyframeId id) {
   return nullptr;
 }
 
+int CountWithDepth(const std::vector<Feature>& features) {
+  return static_cast<int>(std::count_if(features.begin(), features.end(),
+                                        [](const Feature& f) { return f.has_disparity(); }));
+}
+
 }  // namespace
 
-Rigid3 Tracker::Predict(Timestamp timestamp, const MapSnapshot& map) const {
+Rigid3 Tracker::Predict(Timestamp timestamp, const LocalMap& local) const {
+  const MapSnapshot& map = local.snapshot;
   const SnapshotKeyframe* reference = last_ ? Find(map, last_->reference) : nullptr;
-  if (!reference) return map.keyframes.back().map_from_camera.Inverse();
+  if (!reference) return Find(map, local.reference)->map_from_camera.Inverse();
   const Rigid3 last_from_map = last_->camera_from_reference * reference->map_from_camera.Inverse();
   if (last_->interval_s <= 0) return last_from_map;
   const double elapsed_s = timestamp.seconds() - last_->timestamp.seconds();
@@ -36,7 +42,8 @@ Rigid3 Tracker::Predict(Timestamp timestamp, const MapSnapshot& map) const {
 
 std::optional<TrackedPose> Tracker::FindPose(const FeatureGrid& grid, const LocalMap& local,
                                              const Rigid3& predicted_camera_from_map) const {
-  const auto& [map, rig] = local;
+  const MapSnapshot& map = local.snapshot;
+  const StereoRig& rig = local.rig;
   const std::vector<uint32_t> landmark_idxs = AllLandmarks(map);
   TrackingOptions tracking = options_.tracking;
   if (!last_ || last_->interval_s <= 0) {
@@ -53,63 +60,101 @@ std::optional<TrackedPose> Tracker::FindPose(const FeatureGrid& grid, const Loca
   return TrackByAppearance(map, landmark_idxs, grid, rig, options_.tracking, /*seed=*/1);
 }
 
-bool Tracker::WantsKeyframe(const TrackedFrame& frame, const MapSnapshot& map) const {
-  const Rigid3 newest_from_camera =
-      map.keyframes.back().map_from_camera.Inverse() * frame.map_from_camera;
+/// Distance to a keyframe in steps of which each calls for a new one.
+double Tracker::StepsFrom(const Rigid3& reference_from_camera) const {
+  return std::max(reference_from_camera.translation.norm() / options_.max_keyframe_distance_m,
+                  RotationAngle(reference_from_camera.rotation) / options_.max_keyframe_turn_rad);
+}
+
+bool Tracker::WantsKeyframe(const TrackedFrame& frame) const {
+  const Rigid3 reference_from_camera = frame.camera_from_reference.Inverse();
+  if (StepsFrom(reference_from_camera) > 1) return true;
+  if (reference_from_camera.translation.norm() < options_.min_keyframe_distance_m &&
+      RotationAngle(reference_from_camera.rotation) < options_.min_keyframe_turn_rad) {
+    return false;
+  }
   const size_t tracked = frame.landmark_of_feature.size();
-  return newest_from_camera.translation.norm() > options_.max_keyframe_distance_m ||
-         RotationAngle(newest_from_camera.rotation) > options_.max_keyframe_turn_rad ||
-         tracked < options_.min_tracked_ratio * static_cast<double>(tracked_after_keyframe_) ||
+  return tracked < options_.min_tracked_ratio * static_cast<double>(tracked_at_best_) ||
          tracked < static_cast<size_t>(options_.min_tracked);
+}
+
+TrackedFrame Tracker::Begin(const std::vector<Feature>& features) {
+  TrackedFrame frame;
+  const int with_depth = CountWithDepth(features);
+  frame.wants_keyframe = with_depth >= options_.min_first_features;
+  if (!frame.wants_keyframe) {
+    frame.lost_because = fmt::format("only {} features with depth, {} are needed to begin a map",
+                                     with_depth, options_.min_first_features);
+  }
+  return frame;
 }
 
 TrackedFrame Tracker::Track(Timestamp timestamp, const std::vector<Feature>& features,
                             const LocalMap* local) {
-  TrackedFrame frame;
-  if (!local) {
-    const auto with_depth =
-        std::count_if(features.begin(), features.end(),
-                      [](const Feature& feature) { return feature.has_disparity(); });
-    frame.wants_keyframe = with_depth >= options_.min_first_features;
-    if (!frame.wants_keyframe) {
-      frame.lost_because = fmt::format("only {} features with depth, {} are needed to begin a map",
-                                       with_depth, options_.min_first_features);
-    }
-    return frame;
-  }
-
-  const MapSnapshot& map = local->snapshot;
+  if (!local) return Begin(features);
   const FeatureGrid grid(features, local->rig.camera.width, local->rig.camera.height);
-  const auto pose = FindPose(grid, *local, Predict(timestamp, map));
-  if (!pose) {
-    frame.lost_because = features.size() < 50
-                             ? fmt::format("only {} features in the image", features.size())
-                             : "its features do not agree with the map so far";
-    return frame;
-  }
-  const SnapshotKeyframe& newest = map.keyframes.back();
-  frame.map_from_camera = pose->camera_from_map.Inverse();
-  frame.reference = newest.id;
-  frame.camera_from_reference = pose->camera_from_map * newest.map_from_camera;
-  for (const LandmarkMatch& match : pose->inliers) {
+  const Rigid3 predicted = Predict(timestamp, *local);
+  const auto pose = FindPose(grid, *local, predicted);
+  return pose ? Accept(timestamp, *local, *pose) : Lose(timestamp, features, predicted);
+}
+
+TrackedFrame Tracker::Resume(Timestamp timestamp, const LocatedFrame& found) {
+  last_.reset();
+  return Accept(timestamp, *found.local, found.pose);
+}
+
+TrackedFrame Tracker::Accept(Timestamp timestamp, const LocalMap& local, const TrackedPose& pose) {
+  const MapSnapshot& map = local.snapshot;
+  TrackedFrame frame;
+  frame.map_from_camera = pose.camera_from_map.Inverse();
+  const auto steps_from = [&](const SnapshotKeyframe& keyframe) {
+    return StepsFrom(keyframe.map_from_camera.Inverse() * frame.map_from_camera);
+  };
+  const SnapshotKeyframe& nearest = *std::min_element(
+      map.keyframes.begin(), map.keyframes.end(),
+      [&](const auto& a, const auto& b) { return steps_from(a) < steps_from(b); });
+  frame.reference = nearest.id;
+  frame.camera_from_reference = pose.camera_from_map * nearest.map_from_camera;
+  for (const LandmarkMatch& match : pose.inliers) {
     frame.landmark_of_feature.emplace_back(map.landmarks[match.landmark_idx].id, match.feature_idx);
   }
 
-  if (newest_keyframe_ != newest.id) {
-    newest_keyframe_ = newest.id;
-    tracked_after_keyframe_ = frame.landmark_of_feature.size();
+  if (local_reference_ != local.reference) {
+    local_reference_ = local.reference;
+    tracked_at_best_ = frame.landmark_of_feature.size();
   }
-  frame.wants_keyframe = WantsKeyframe(frame, map);
+  frame.wants_keyframe = WantsKeyframe(frame);
 
-  LastPose last{timestamp, newest.id, frame.camera_from_reference, {}, 0};
+  LastPose last{timestamp, nearest.id, frame.camera_from_reference, {}, 0};
   const SnapshotKeyframe* reference = last_ ? Find(map, last_->reference) : nullptr;
   if (reference) {
     const Rigid3 previous_from_map =
         last_->camera_from_reference * reference->map_from_camera.Inverse();
-    last.this_from_previous = pose->camera_from_map * previous_from_map.Inverse();
+    last.this_from_previous = pose.camera_from_map * previous_from_map.Inverse();
     last.interval_s = timestamp.seconds() - last_->timestamp.seconds();
   }
   last_ = last;
+  misplaced_frames_ = 0;
+  return frame;
+}
+
+TrackedFrame Tracker::Lose(Timestamp timestamp, const std::vector<Feature>& features,
+                           const Rigid3& predicted_camera_from_map) {
+  TrackedFrame frame;
+  frame.lost_because = features.size() < 50
+                           ? fmt::format("only {} features in the image", features.size())
+                           : "its features do not agree with the map so far";
+  frame.map_from_camera = predicted_camera_from_map.Inverse();
+  frame.is_misplaced = CountWithDepth(features) >= options_.min_first_features;
+  if (!frame.is_misplaced || ++misplaced_frames_ < options_.max_misplaced_frames) return frame;
+  misplaced_frames_ = 0;
+  frame.begins_part = true;
+  frame.gap.reference = local_reference_;
+  if (last_) {
+    frame.gap = {last_->reference, last_->camera_from_reference, last_->this_from_previous,
+                 last_->interval_s, timestamp.seconds() - last_->timestamp.seconds()};
+  }
+  last_.reset();
   return frame;
 }
 
