@@ -79,6 +79,9 @@ class Painting {
   }
 
   Sample& At(int x, int y) { return centres_[static_cast<size_t>(y) * size_.width + x]; }
+  bool Contains(int x, int y) const {
+    return x >= 0 && y >= 0 && x < size_.width && y < size_.height;
+  }
   void PaintCentres(const cv::Rect& tile, Batch& batch);
   void LookToSky(Batch& batch) const;
   void StoreTruth(const Batch& batch, int i);
@@ -159,7 +162,7 @@ int Painting::FurtherSamples(int x, int y) {
   const Sample& sample = At(x, y);
   bool edge = false, leaves = sample.rough;
   for (const auto& [i, j] : {std::pair(x - 1, y), {x + 1, y}, {x, y - 1}, {x, y + 1}}) {
-    if (i < 0 || j < 0 || i >= size_.width || j >= size_.height) continue;
+    if (!Contains(i, j)) continue;
     const Sample& other = At(i, j);
     edge |= sample.sunny != other.sunny || !Continuous(sample, other);
     leaves &= other.rough;
@@ -190,16 +193,18 @@ void Painting::RefineEdges(const cv::Rect& tile, Batch& batch) {
 /// thing. In the sun or not it is only if they agree, but for leaves.
 void Painting::TakeLightOfCentres(const cv::Point& at, Sample& sample) {
   float openness = 0, sunny = 0, mirrored = 0, count = 0;
-  const cv::Rect around = cv::Rect(at.x - 1, at.y - 1, 3, 3) & cv::Rect({}, size_);
-  for (int y = around.y; y < around.br().y; ++y) {
-    for (int x = around.x; x < around.br().x; ++x) {
-      const Sample& other = At(x, y);
-      if (!Neighbourly(sample, other)) continue;
-      openness += other.openness;
-      sunny += other.sunny;
-      mirrored += other.mirrored;
-      ++count;
-    }
+  for (const auto& [x, y] : {std::pair(at.x, at.y),
+                             {at.x - 1, at.y},
+                             {at.x + 1, at.y},
+                             {at.x, at.y - 1},
+                             {at.x, at.y + 1}}) {
+    if (!Contains(x, y)) continue;
+    const Sample& other = At(x, y);
+    if (!Neighbourly(sample, other)) continue;
+    openness += other.openness;
+    sunny += other.sunny;
+    mirrored += other.mirrored;
+    ++count;
   }
   if (count == 0) return;
   sample.openness = openness / count;

@@ -31,11 +31,16 @@ constexpr int kPatterns = static_cast<int>(Pattern::kGround) + 1;
 constexpr float kMacroTileM = 512.f / 37;
 constexpr float kUnit = 128;  ///< value of a texel as bright as the mean
 
-/// Quads before each level of a tile, and of a whole tile.
+/// Each row is followed by its first texels, and the last row by the first one, so that neighbours
+/// can be loaded together.
+constexpr int Stride(int size) { return size + 4; }
+
+/// Bytes before each level of a tile, and of a whole tile.
 constexpr std::array<int32_t, kLevels + 1> LevelOffsets() {
   std::array<int32_t, kLevels + 1> offsets{};
   for (int level = 0; level < kLevels; ++level) {
-    offsets[level + 1] = offsets[level] + (kTileSize >> level) * (kTileSize >> level);
+    const int size = kTileSize >> level;
+    offsets[level + 1] = offsets[level] + (size + 1) * Stride(size);
   }
   return offsets;
 }
@@ -47,25 +52,19 @@ int FiguresOf(Pattern pattern) {
   return pattern == Pattern::kCurtain ? 4 : 1;
 }
 
-void StoreQuads(const cv::Mat& level, uint32_t* quads) {
-  cv::Mat_<uint8_t> bytes;
-  level.convertTo(bytes, CV_8U, kUnit);
-  cv::copyMakeBorder(bytes, bytes, 0, 1, 0, 1, cv::BORDER_WRAP);
+void StoreLevel(const cv::Mat& level, uint8_t* texels) {
   const int size = level.rows;
-  for (int y = 0; y < size; ++y) {
-    const uint8_t* row = bytes[y];
-    const uint8_t* below = bytes[y + 1];
-    for (int x = 0; x < size; ++x) {
-      *quads++ = row[x] | row[x + 1] << 8 | below[x] << 16 | uint32_t{below[x + 1]} << 24;
-    }
+  const cv::Mat_<uint8_t> bytes = cv::Mat_<float>(level * kUnit);
+  for (int y = 0; y <= size; ++y) {
+    for (int x = 0; x < Stride(size); ++x) *texels++ = bytes(y % size, x % size);
   }
 }
 
 /// A picture and its mip maps.
-void StoreTile(const cv::Mat& tile, uint32_t* quads) {
+void StoreTile(const cv::Mat& tile, uint8_t* texels) {
   cv::Mat level = tile;
   for (int i = 0; i < kLevels; ++i) {
-    StoreQuads(level, quads + kLevelOffsets[i]);
+    StoreLevel(level, texels + kLevelOffsets[i]);
     if (i + 1 < kLevels) cv::resize(level, level, {}, 0.5, 0.5, cv::INTER_AREA);
   }
 }
@@ -73,7 +72,7 @@ void StoreTile(const cv::Mat& tile, uint32_t* quads) {
 /// One level of the pictures that eight spots look at.
 class Level {
  public:
-  Level(const uint32_t* quads, I tile, I level) : quads_(quads) {
+  Level(const uint8_t* texels, I tile, I level) : texels_(texels) {
     const Floats f;
     const Ints i;
     // 2^-level, from its exponent's bits.
@@ -92,29 +91,35 @@ class Level {
     const F tx = hn::Sub(x, x0), ty = hn::Sub(y, y0);
     const I mask = hn::Sub(size_, hn::Set(i, 1));
     const I column = hn::And(hn::ConvertTo(i, x0), mask), row = hn::And(hn::ConvertTo(i, y0), mask);
-    const I texel = hn::Add(first_, hn::Add(hn::Mul(row, size_), column));
-    const I quad = hn::GatherIndex(i, reinterpret_cast<const int32_t*>(quads_), texel);
-    const I byte = hn::Set(i, 255);
-    const F a = hn::ConvertTo(f, hn::And(quad, byte));
-    const F b = hn::ConvertTo(f, hn::And(hn::ShiftRight<8>(quad), byte));
-    const F c = hn::ConvertTo(f, hn::And(hn::ShiftRight<16>(quad), byte));
-    const F d = hn::ConvertTo(f, hn::And(hn::ShiftRight<24>(quad), byte));
-    const F above = hn::MulAdd(tx, hn::Sub(b, a), a), below = hn::MulAdd(tx, hn::Sub(d, c), c);
+    const I stride = hn::Add(size_, hn::Set(i, Stride(0)));
+    const I texel = hn::Add(first_, hn::Add(hn::Mul(row, stride), column));
+    const F above = Between(texel, tx), below = Between(hn::Add(texel, stride), tx);
     return hn::MulAdd(ty, hn::Sub(below, above), above);
   }
 
  private:
-  const uint32_t* quads_;
+  /// A texel and its neighbour to the right.
+  F Between(I texel, F share) const {
+    const Floats f;
+    const Ints i;
+    const I byte = hn::Set(i, 255);
+    const I four = hn::GatherOffset(i, reinterpret_cast<const int32_t*>(texels_), texel);
+    const F a = hn::ConvertTo(f, hn::And(four, byte));
+    const F b = hn::ConvertTo(f, hn::And(hn::ShiftRight<8>(four), byte));
+    return hn::MulAdd(share, hn::Sub(b, a), a);
+  }
+
+  const uint8_t* texels_;
   F shrink_;  ///< from texels of level 0
   I size_;
-  I first_;  ///< quad
+  I first_;  ///< texel
 };
 
 }  // namespace
 
 /// Which tile each spot looks at, and how it lies there.
 struct Textures::Looks {
-  alignas(32) int32_t tile[TextureSpots::kCapacity];  ///< its first quad
+  alignas(32) int32_t tile[TextureSpots::kCapacity];  ///< its first texel
   alignas(32) float texels_per_m[TextureSpots::kCapacity];
   alignas(32) float shift_u[TextureSpots::kCapacity], shift_v[TextureSpots::kCapacity];  ///< texels
 };
@@ -165,9 +170,9 @@ Textures::Textures() : layers_(kPatterns) {
                                  {kPoster, 0.1f},
                                  {kCurtain, 0.2f},
                                  {kGround, 1.f}});
-  quads_.resize(tiles.size() * kLevelOffsets[kLevels]);
+  texels_.resize(tiles.size() * kLevelOffsets[kLevels]);
   tbb::parallel_for(size_t{0}, tiles.size(),
-                    [&](size_t i) { StoreTile(tiles[i](), &quads_[i * kLevelOffsets[kLevels]]); });
+                    [&](size_t i) { StoreTile(tiles[i](), &texels_[i * kLevelOffsets[kLevels]]); });
 }
 
 void Textures::LookUpTiles(const TextureSpots& spots, const Looks& looks, int max_looks, int count,
@@ -196,8 +201,8 @@ void Textures::LookUpTiles(const TextureSpots& spots, const Looks& looks, int ma
     const F share = hn::Sub(mantissa, one);
     const I last = hn::Set(i, kLevels - 1);
     const I tile = hn::Load(i, looks.tile + k);
-    const Level fine(quads_.data(), tile, hn::Min(octave, last));
-    const Level coarse(quads_.data(), tile, hn::Min(hn::Add(octave, hn::Set(i, 1)), last));
+    const Level fine(texels_.data(), tile, hn::Min(octave, last));
+    const Level coarse(texels_.data(), tile, hn::Min(hn::Add(octave, hn::Set(i, 1)), last));
 
     const F step = hn::Div(one, looks_wanted);
     F at = hn::MulSub(step, hn::Set(f, 0.5f), hn::Set(f, 0.5f));

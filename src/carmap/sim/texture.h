@@ -14,7 +14,8 @@ namespace carmap {
 
 /// Places on surfaces and how much of them a pixel covers there: a structure of arrays.
 struct TextureSpots {
-  static constexpr int kCapacity = 1024;
+  /// Not a power of two, so that places in the arrays do not fall on the same lines of the cache.
+  static constexpr int kCapacity = 1008;
 
   alignas(32) float u_m[kCapacity], v_m[kCapacity];
   alignas(32) float major_u_m[kCapacity], major_v_m[kCapacity];  ///< longer axis of the footprint
@@ -45,10 +46,8 @@ class Textures {
   void LookUpTiles(const TextureSpots& spots, const Looks& looks, int max_looks, int count,
                    float* value) const;
 
-  std::vector<Layers> layers_;  ///< by pattern
-  /// Four bytes at each texel: its own value and those of its neighbours to the right, below and
-  /// diagonally below, so that one load serves to interpolate.
-  std::vector<uint32_t> quads_;
+  std::vector<Layers> layers_;   ///< by pattern
+  std::vector<uint8_t> texels_;  ///< tile by tile, level by level
 };
 
 }  // namespace carmap
