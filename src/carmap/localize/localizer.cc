@@ -7,6 +7,7 @@
 #include "carmap/localize/motion_model.h"
 
 namespace carmap {
+
 std::optional<Rigid3> Localizer::Predict(Timestamp timestamp) const {
   if (!last_) return std::nullopt;
   const double elapsed_s = timestamp.seconds() - last_->timestamp.seconds();
@@ -14,6 +15,16 @@ std::optional<Rigid3> Localizer::Predict(Timestamp timestamp) const {
   if (last_->interval_s <= 0) return last_->camera_from_map;
   return Extrapolate(last_->this_from_previous, elapsed_s / last_->interval_s) *
          last_->camera_from_map;
+}
+
+/// Any other pose may sit where only distant landmarks agree.
+bool Localizer::IsSure(Timestamp timestamp, const std::optional<TrackedPose>& pose) const {
+  if (!pose || !last_ || last_->interval_s <= 0) return false;
+  const size_t inliers = pose->inliers.size();
+  if (inliers < last_->inlier_count / 2) return false;
+  if (inliers >= options_.relocalization.sure_inliers) return true;
+  return winner_ && inliers >= winner_->inlier_count / 2 &&
+         timestamp.seconds() - winner_->timestamp.seconds() <= options_.trust_s;
 }
 
 std::optional<TrackedPose> Localizer::TrackFrom(const Rigid3& predicted_camera_from_map,
@@ -35,26 +46,21 @@ LocalizedFrame Localizer::Localize(Timestamp timestamp, const std::vector<Featur
     pose = std::move(other);
     frame.found_by = found_by;
   };
-  // Any other pose may sit where only distant landmarks agree; then all ways to find one compete.
-  const auto is_sure = [&] {
-    return pose && last_ && last_->interval_s > 0 &&
-           pose->inliers.size() >=
-               std::max(options_.relocalization.sure_inliers, last_->inlier_count / 2);
-  };
 
   const Stopwatch tracking_watch;
   if (const auto predicted = Predict(timestamp)) {
     keep_better(TrackFrom(*predicted, grid, 1), FoundBy::kTracking);
-    if (!is_sure()) {
+    if (!IsSure(timestamp, pose)) {
       keep_better(TrackFrom(*predicted, grid, options_.wide_factor), FoundBy::kWideTracking);
     }
   }
   frame.tracking_ms = tracking_watch.ElapsedMs();
-  if (!is_sure()) {
+  if (!IsSure(timestamp, pose)) {
     const Stopwatch relocalization_watch;
     keep_better(Relocalize(map_, grid, rig_, gps, options_.relocalization),
                 FoundBy::kRelocalization);
     frame.relocalization_ms = relocalization_watch.ElapsedMs();
+    winner_ = pose ? std::optional(Winner{timestamp, pose->inliers.size()}) : std::nullopt;
   }
   if (!pose) return frame;
 

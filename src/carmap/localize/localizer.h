@@ -22,6 +22,7 @@ struct LocalizerOptions {
   RelocalizationOptions relocalization;  ///< its tracking and neighbourhood hold for tracking too
   double wide_factor = 4;                ///< on the search window when the first one finds nothing
   double max_prediction_s = 2;           ///< an older pose predicts nothing
+  double trust_s = 1;  ///< so long a pose that won against all others vouches for those after it
 };
 
 enum class FoundBy { kNothing, kTracking, kWideTracking, kRelocalization };
@@ -39,10 +40,11 @@ class Localizer {
   Localizer(const ReconstructedMap& map, const StereoRig& rig, const LocalizerOptions& options = {})
       : map_(map), rig_(rig), options_(options) {}
 
-  /// A tracked pose is taken at once if it is sure (RelocalizationOptions), has half the inliers of
-  /// the one before, and the vehicle's speed was known. Otherwise a wider search and relocalization
-  /// compete with it. `features` of one stereo frame, with disparities. Frames in the order of
-  /// time; any may be missing.
+  /// A tracked pose is taken at once if the vehicle's speed was known, it has half the inliers of
+  /// the one before, and it is sure (RelocalizationOptions) or a pose of a moment ago was: by
+  /// itself, or because it won. Otherwise a wider search and relocalization compete with it.
+  /// `features` of one stereo frame, with disparities. Frames in the order of time; any may be
+  /// missing.
   LocalizedFrame Localize(Timestamp timestamp, const std::vector<Feature>& features,
                           const std::optional<GpsFix>& gps = std::nullopt);
 
@@ -55,7 +57,14 @@ class Localizer {
     double interval_s = 0;      ///< that it took; 0 if there was none
   };
 
+  /// Found while all ways to find a pose competed.
+  struct Winner {
+    Timestamp timestamp;
+    size_t inlier_count = 0;
+  };
+
   std::optional<Rigid3> Predict(Timestamp timestamp) const;
+  bool IsSure(Timestamp timestamp, const std::optional<TrackedPose>& pose) const;
   std::optional<TrackedPose> TrackFrom(const Rigid3& predicted_camera_from_map,
                                        const FeatureGrid& grid, double radius_factor) const;
   void Remember(Timestamp timestamp, const TrackedPose& pose);
@@ -64,6 +73,7 @@ class Localizer {
   const StereoRig rig_;
   const LocalizerOptions options_;
   std::optional<LastPose> last_;
+  std::optional<Winner> winner_;
 };
 
 }  // namespace carmap
