@@ -105,7 +105,7 @@ double AutomaticGain(const cv::Mat& radiance) {
     std::nth_element(values.begin(), nth, values.end());
     return std::max(double{*nth}, 1e-6);
   };
-  constexpr double kDarkest = 0.25, kBrightest = 0.42;  ///< median, of white
+  constexpr double kDarkest = 0.18, kBrightest = 0.45;  ///< median, of white
   const double median = quantile(0.5);
   return std::clamp(1 / quantile(0.96), kDarkest / median, kBrightest / median);
 }
