@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apps/carmap/commands.h"
@@ -18,6 +19,8 @@
 #include "carmap/dataset/kitti_drive.h"
 #include "carmap/eval/map_composition.h"
 #include "carmap/eval/trajectory_metrics.h"
+#include "carmap/feature/vocabulary.h"
+#include "carmap/feature/vocabulary_file.h"
 #include "carmap/format/lean_codec.h"
 #include "carmap/map/strip.h"
 #include "carmap/slam/map_drive.h"
@@ -27,7 +30,7 @@ namespace carmap {
 namespace {
 
 struct Arguments {
-  std::string drive, out, trajectory, report, picture;
+  std::string drive, out, vocabulary, trajectory, report, picture;
   FrameRange range;
   bool sequential = false;
 };
@@ -45,6 +48,10 @@ struct Run {
 absl::StatusOr<MappedDrive> MapWithProgress(KittiDrive& drive, const Arguments& arguments) {
   MapDriveOptions options;
   options.sequential = arguments.sequential;
+  if (!arguments.vocabulary.empty()) {
+    CARMAP_ASSIGN_OR_RETURN(Vocabulary vocabulary, ReadVocabulary(arguments.vocabulary));
+    options.vocabulary = std::make_shared<const Vocabulary>(std::move(vocabulary));
+  }
   Progress progress("mapping", drive.frame_count());
   auto mapped = MapDrive(drive, drive.id(), options, [&](size_t frames, size_t keyframes) {
     progress.Update(frames, Count(keyframes, "keyframe"));
@@ -59,6 +66,7 @@ absl::StatusOr<Run> MapAndWrite(KittiDrive& drive, const Arguments& arguments,
   Run run;
   CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(drive, arguments));
   run.stripped = Strip(run.mapped.map, {drive.id(), run.mapped.rig});
+  if (run.mapped.georeference) ReplaceFixes(*run.mapped.georeference, run.stripped.lean);
   const auto bytes = EncodeLeanMap(run.stripped.lean);
   if (!bytes.ok()) return WithName(arguments.out, bytes.status());
   CARMAP_RETURN_IF_ERROR(WriteFileAtomically(arguments.out, *bytes));
@@ -80,6 +88,26 @@ nlohmann::ordered_json MeanStageMs(const Run& run, size_t frames) {
     stages[stage] = total_ms / static_cast<double>(frames);
   }
   return stages;
+}
+
+nlohmann::ordered_json ToJson(const std::vector<Loop>& loops, size_t rejected_keyframes) {
+  nlohmann::ordered_json json = {{"closed", nlohmann::ordered_json::array()},
+                                 {"rejected_keyframes", rejected_keyframes}};
+  for (const Loop& loop : loops) {
+    json["closed"].push_back({{"index", loop.back().keyframe_id.index},
+                              {"place_index", loop.back().place_id.index},
+                              {"keyframes", loop.size()}});
+  }
+  return json;
+}
+
+nlohmann::ordered_json ToJson(const Map& map, const Georeference& georeference) {
+  const GpsFix& origin = georeference.origin;
+  return {{"origin",
+           {{"latitude_deg", origin.latitude_deg},
+            {"longitude_deg", origin.longitude_deg},
+            {"altitude_m", origin.altitude_m}}},
+          {"fix_error_m", ToJson(Summarize(FixErrorsM(map, georeference)))}};
 }
 
 void AddErrors(const TrajectoryEvaluation& evaluation, nlohmann::ordered_json& report) {
@@ -114,6 +142,10 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const CompositionBy
   report["lost_frames"] = ToJson(run.mapped.lost_frames);
   for (const MapPart& part : run.mapped.parts) {
     report["parts"].push_back({{"first_index", part.first_index}, {"keyframes", part.keyframes}});
+  }
+  report["loops"] = ToJson(run.mapped.loops, run.mapped.rejected_loop_keyframes);
+  if (run.mapped.georeference) {
+    report["georeference"] = ToJson(run.mapped.map, *run.mapped.georeference);
   }
   if (run.evaluation) AddErrors(*run.evaluation, report);
   return report;
@@ -150,6 +182,13 @@ void PrintSummary(const Run& run, size_t frames, const Arguments& arguments) {
   fmt::print("frame         {} ms\n", ToText(Summarize(run.mapped.frame_ms), 1));
   fmt::print("map           {}, {}, {}, {}\n", arguments.out, BytesText(bytes),
              Count(lean.keyframes.size(), "keyframe"), Count(lean.landmarks.size(), "landmark"));
+  if (!run.mapped.loops.empty()) {
+    fmt::print("loops         {}\n", Count(run.mapped.loops.size(), "loop"));
+  }
+  if (run.mapped.georeference) {
+    const auto errors_m = FixErrorsM(run.mapped.map, *run.mapped.georeference);
+    fmt::print("georeference  fixes are {:.2f} m off in the median\n", Summarize(errors_m).median);
+  }
   if (run.mapped.parts.size() > 1) {
     fmt::print("parts         {}, that only the vehicle's speed connects\n",
                run.mapped.parts.size());
@@ -167,9 +206,10 @@ void PrintSummary(const Run& run, size_t frames, const Arguments& arguments) {
 
 absl::StatusOr<ExitCode> RunMap(const Arguments& arguments) {
   const Stopwatch watch;
-  CARMAP_RETURN_IF_ERROR(
-      CheckOutputs({arguments.out, arguments.trajectory, arguments.report, arguments.picture},
-                   FilesOfDrive(arguments.drive)));
+  std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
+  if (!arguments.vocabulary.empty()) inputs.push_back(arguments.vocabulary);
+  CARMAP_RETURN_IF_ERROR(CheckOutputs(
+      {arguments.out, arguments.trajectory, arguments.report, arguments.picture}, inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive, arguments.range));
   CARMAP_ASSIGN_OR_RETURN(const Run run, MapAndWrite(*drive, arguments, watch));
   const size_t frames = drive->frame_count();
@@ -215,6 +255,12 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
                     "Work on one stage at a time. The same drive gives the same map, byte by byte, "
                     "with this and without");
   command
+      ->add_option(
+          "--vocabulary", arguments->vocabulary,
+          "Recognize places by this vocabulary's words (default: places are looked for where "
+          "the map has them)")
+      ->type_name("V.cmvoc");
+  command
       ->add_option("--trajectory", arguments->trajectory,
                    "Write the pose of each frame in the map's frame, metres: TUM form if named "
                    "*.tum, else KITTI form")
@@ -239,6 +285,10 @@ with its index and the features of its keyframes.
 A frame that cannot be read or tracked is left out: a line says which and why, the map holds the
 rest, and the exit code is 3. Where the vehicle was blind for long and what it saw after is not in
 the map, a new part of the map begins, put where its speed led to; the report lists the parts.
+
+Where the drive comes back to a place the loop is closed, and the whole map adjusted. If the drive
+has gps.txt its fixes hold the map too, and each keyframe gets the place on Earth that all of them
+together tell; the report's georeference.fix_error_m is how far single fixes are from there.
 
 Examples:
   carmap map kitti06_000-050 --out road.cmap

@@ -97,6 +97,13 @@ class Assignment {
 
 }  // namespace
 
+bool IsInSight(const SnapshotLandmark& landmark, const StereoRig& rig,
+               const Rigid3& camera_from_map, const ProjectionMatchOptions& options) {
+  return Project(landmark, rig, camera_from_map, camera_from_map.Inverse().translation,
+                 std::cos(options.max_viewing_angle_rad))
+      .has_value();
+}
+
 std::vector<LandmarkMatch> MatchByProjection(const MapSnapshot& map,
                                              const std::vector<uint32_t>& landmark_idxs,
                                              const FeatureGrid& grid, const StereoRig& rig,

@@ -31,6 +31,11 @@ struct ProjectionMatchOptions {
       1.2;  ///< between the landmark's mean viewing direction and this one
 };
 
+/// Whether a camera there must see the landmark unless something hides it: within the image, from a
+/// distance and a direction from which it can be recognised.
+bool IsInSight(const SnapshotLandmark& landmark, const StereoRig& rig,
+               const Rigid3& camera_from_map, const ProjectionMatchOptions& options = {});
+
 /// Landmarks (those of `landmark_idxs`) matched with features near their projections, at the
 /// pyramid level that their distance predicts, with a disparity that agrees. A feature goes to the
 /// landmark that resembles it most.

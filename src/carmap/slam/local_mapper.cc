@@ -8,6 +8,8 @@
 
 #include "carmap/base/stopwatch.h"
 #include "carmap/localize/landmark_matcher.h"
+#include "carmap/slam/link_matches.h"
+#include "carmap/slam/map_bundle.h"
 
 namespace carmap {
 namespace {
@@ -27,24 +29,6 @@ std::vector<KeyframeId> Union(const std::vector<KeyframeId>& a, const std::vecto
   std::vector<KeyframeId> both;
   std::set_union(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
   return both;
-}
-
-/// Records that keyframe `keyframe_id` sees the matched landmarks: a free feature becomes an
-/// observation; one that belongs to another landmark shows that the two are the same.
-void LinkMatches(const Map& map, const MapSnapshot& snapshot, KeyframeId keyframe_id,
-                 const std::vector<LandmarkMatch>& matches, MapEdit& edit) {
-  const auto& links = map.LandmarksOf(keyframe_id);
-  for (const auto& [landmark_idx, feature_idx] : matches) {
-    const LandmarkId landmark_id = snapshot.landmarks[landmark_idx].id;
-    const auto& taken_by = links[feature_idx];
-    if (!taken_by) {
-      edit.added_observations.push_back(
-          {landmark_id, {keyframe_id, static_cast<int32_t>(feature_idx)}});
-    } else if (*taken_by != landmark_id) {
-      // The older landmark, seen more often, stays.
-      edit.merges.push_back({std::max(*taken_by, landmark_id), std::min(*taken_by, landmark_id)});
-    }
-  }
 }
 
 /// Of the landmarks of `snapshot`, those that pass.
@@ -148,9 +132,11 @@ void LocalMapper::DropShreds() {
   Carry("cull", edit, 0);
 }
 
+void LocalMapper::Apply(const MapEdit& edit) { carmap::Apply(edit, map_).value(); }
+
 void LocalMapper::Carry(const char* step, const MapEdit& edit, double elapsed_ms) {
   const Stopwatch watch;
-  Apply(edit, map_).value();  // our own edits are of the present version
+  carmap::Apply(edit, map_).value();  // our own edits are of the present version
   step_ms_[step] += elapsed_ms + watch.ElapsedMs();
 }
 
@@ -323,71 +309,25 @@ Eigen::Vector3d LocalMapper::Triangulate(const Keyframe& keyframe, const Feature
 }
 
 MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) {
-  MapEdit edit{.base_version = map_.version()};
-  const KeyframeId first_of_drive = map_.keyframes().begin()->first;
-
-  // Landmarks that the window sees and that constrain poses: those seen more than once.
-  std::vector<LandmarkId> landmark_ids;
-  for (const KeyframeId& id : window) {
-    for (const auto& link : map_.LandmarksOf(id)) {
-      if (link && map_.Find(*link)->observations.size() > 1) landmark_ids.push_back(*link);
-    }
-  }
-  std::sort(landmark_ids.begin(), landmark_ids.end());
-  landmark_ids.erase(std::unique(landmark_ids.begin(), landmark_ids.end()), landmark_ids.end());
-
-  Bundle bundle{.rig = rig_, .noise = options_.noise};
-  std::vector<KeyframeId> keyframe_ids;
-  absl::btree_map<KeyframeId, uint32_t> pose_idxs;
-  const auto add_pose = [&](KeyframeId id, bool is_fixed) {
-    const auto [place, is_new] = pose_idxs.emplace(id, static_cast<uint32_t>(keyframe_ids.size()));
-    if (is_new) {
-      keyframe_ids.push_back(id);
-      bundle.camera_from_map.push_back(map_.Find(id)->map_from_camera.Inverse());
-      bundle.pose_is_fixed.push_back(is_fixed);
-    }
-    return place->second;
-  };
-  for (const KeyframeId& id : window) add_pose(id, id == first_of_drive);
-  std::vector<MapEdit::LandmarkObservation> links;
-  for (uint32_t point_idx = 0; point_idx < landmark_ids.size(); ++point_idx) {
-    const Landmark& landmark = *map_.Find(landmark_ids[point_idx]);
-    bundle.points_in_map.push_back(landmark.position_in_map);
-    for (const Observation& observation : landmark.observations) {
-      const Feature& feature =
-          (*map_.Find(observation.keyframe_id)->features)[observation.feature_idx];
-      bundle.observations.push_back({.pose_idx = add_pose(observation.keyframe_id, true),
-                                     .point_idx = point_idx,
-                                     .px = {feature.x_px, feature.y_px},
-                                     .disparity_px = feature.disparity_px,
-                                     .scale = ScaleOfLevel(feature.level)});
-      links.push_back({landmark.id, observation});
-    }
-  }
-  if (std::none_of(bundle.pose_is_fixed.begin(), bundle.pose_is_fixed.end(),
-                   [](bool f) { return f; })) {
-    bundle.pose_is_fixed.front() = true;
-  }
-
+  MapBundle problem =
+      MakeMapBundle(map_, rig_, options_.noise, window, SharedLandmarks(map_, window));
   BundleOptions bundle_options = options_.bundle;
   bundle_options.estimate_disparity_bias = window.size() >= options_.min_calibrating_keyframes;
   bundle_options.bias_step_sigma_px = options_.bias_step_sigma_rad * rig_.camera.fx;
   bundle_options.max_bias_px = options_.max_bias_rad * rig_.camera.fx;
-  const BundleSummary summary = AdjustBundle(bundle, bundle_options);
-  rig_ = bundle.rig;
-  for (size_t i = 0; i < links.size(); ++i) {
-    if (summary.is_outlier[i]) edit.removed_observations.push_back(links[i]);
-  }
-  for (size_t i = 0; i < landmark_ids.size(); ++i) {
-    edit.moved_landmarks.push_back({landmark_ids[i], bundle.points_in_map[i]});
-  }
-  for (size_t i = 0; i < window.size(); ++i) {
-    if (bundle.pose_is_fixed[i]) continue;
-    // Landmarks that only this keyframe saw go along with it.
-    Keyframe keyframe = *map_.Find(keyframe_ids[i]);
-    keyframe.map_from_camera = bundle.camera_from_map[i].Inverse();
-    edit.moved_keyframes.push_back({keyframe.id, keyframe.map_from_camera});
-    for (const auto& link : map_.LandmarksOf(keyframe_ids[i])) {
+  const BundleSummary summary = AdjustBundle(problem.bundle, bundle_options);
+  rig_ = problem.bundle.rig;
+  MapEdit edit = EditOf(problem, summary);
+  MoveLoneLandmarks(edit);
+  return edit;
+}
+
+/// Landmarks that only one keyframe saw go along with it.
+void LocalMapper::MoveLoneLandmarks(MapEdit& edit) const {
+  for (const auto& [id, map_from_camera] : edit.moved_keyframes) {
+    Keyframe keyframe = *map_.Find(id);
+    keyframe.map_from_camera = map_from_camera;
+    for (const auto& link : map_.LandmarksOf(id)) {
       if (!link || map_.Find(*link)->observations.size() > 1) continue;
       const Feature& feature =
           (*keyframe.features)[map_.Find(*link)->observations.front().feature_idx];
@@ -395,7 +335,6 @@ MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) {
       edit.moved_landmarks.push_back({*link, Triangulate(keyframe, feature)});
     }
   }
-  return edit;
 }
 
 }  // namespace carmap

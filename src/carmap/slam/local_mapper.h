@@ -89,9 +89,14 @@ class LocalMapper {
   /// went with a part that came to nothing.
   std::optional<Rigid3> PoseOf(KeyframeId id) const;
 
+  /// Takes in a change that was worked out elsewhere.
+  void Apply(const MapEdit& edit);
+
   const Map& map() const { return map_; }
   /// The rig with the disparity bias that the adjustments found.
   const StereoRig& rig() const { return rig_; }
+  /// Time that was spent on the map by others.
+  void CountTime(const char* step, double elapsed_ms) { step_ms_[step] += elapsed_ms; }
   /// Milliseconds spent in each step so far.
   const std::map<std::string, double>& step_ms() const { return step_ms_; }
 
@@ -107,6 +112,7 @@ class LocalMapper {
   MapEdit LeavePart();
   std::vector<KeyframeId> KeyframesBefore(std::optional<KeyframeId> end) const;
   MapEdit AdjustWindow(const std::vector<KeyframeId>& window);
+  void MoveLoneLandmarks(MapEdit& edit) const;
   Eigen::Vector3d Triangulate(const Keyframe& keyframe, const Feature& feature) const;
   void Carry(const char* step, const MapEdit& edit, double elapsed_ms);
 

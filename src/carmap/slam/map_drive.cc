@@ -20,20 +20,23 @@ namespace {
 /// Where the tracker hands keyframes in and finds the newest local map, on one thread or two.
 class MappingStage {
  public:
-  MappingStage(LocalMapper mapper, bool sequential) : mapper_(std::move(mapper)), queue_(1) {
-    if (sequential) return;
+  MappingStage(const StereoRig& rig, DriveId drive_id, const MapDriveOptions& options)
+      : mapper_(rig, drive_id, options.mapper),
+        closer_(LoopOptions(options), options.vocabulary),
+        queue_(1) {
+    if (options.sequential) return;
     thread_ = std::thread([this] {
-      while (auto keyframe = queue_.Pop()) Publish(mapper_.Insert(*keyframe));
+      while (auto keyframe = queue_.Pop()) Publish(TakeIn(*keyframe));
     });
   }
-  ~MappingStage() { Finish(); }
+  ~MappingStage() { WaitForEnd(); }
 
   void Insert(NewKeyframe keyframe) {
     ++inserted_;
     if (thread_.joinable()) {
       queue_.Push(std::move(keyframe));
     } else {
-      Publish(mapper_.Insert(keyframe));
+      Publish(TakeIn(keyframe));
     }
   }
   /// The map with all keyframes inserted so far; null before the first. Waits until it is there.
@@ -54,13 +57,33 @@ class MappingStage {
     return located;
   }
   size_t inserted() const { return inserted_; }
-  LocalMapper& Finish() {
-    queue_.Close();
-    if (thread_.joinable()) thread_.join();
-    return mapper_;
+  /// Makes the map consistent as a whole. To be called last.
+  void Finish() {
+    WaitForEnd();
+    mapper_.DropShreds();
+    closer_.Finish(mapper_);
   }
+  const LocalMapper& mapper() const { return mapper_; }
+  const LoopCloser& closer() const { return closer_; }
 
  private:
+  static LoopCloserOptions LoopOptions(const MapDriveOptions& options) {
+    LoopCloserOptions loops = options.loops;
+    loops.sequential = options.sequential;
+    return loops;
+  }
+
+  std::shared_ptr<const LocalMap> TakeIn(const NewKeyframe& keyframe) {
+    const KeyframeId id = keyframe.keyframe.id;
+    auto local_map = mapper_.Insert(keyframe);
+    return closer_.Process(id, mapper_) ? mapper_.MapAround(id) : local_map;
+  }
+
+  void WaitForEnd() {
+    queue_.Close();
+    if (thread_.joinable()) thread_.join();
+  }
+
   void Publish(std::shared_ptr<const LocalMap> local_map) {
     const std::lock_guard lock(mutex_);
     local_map_ = std::move(local_map);
@@ -69,6 +92,7 @@ class MappingStage {
   }
 
   LocalMapper mapper_;
+  LoopCloser closer_;
   BoundedQueue<NewKeyframe> queue_;
   std::mutex mutex_;
   std::condition_variable changed_;
@@ -190,7 +214,7 @@ absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id,
   MappedDrive result;
   FrontEndStage front_end(source, options.front_end, options.sequential);
   Tracker tracker(options.tracker);
-  MappingStage mapping(LocalMapper(source.rig(), drive_id, options.mapper), options.sequential);
+  MappingStage mapping(source.rig(), drive_id, options);
   std::vector<TrackedFrame> frames;
 
   for (size_t n = 0; n < source.frame_count(); ++n) {
@@ -209,19 +233,22 @@ absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id,
     if (progress) progress(n + 1, mapping.inserted());
   }
 
-  LocalMapper& mapper = mapping.Finish();
+  mapping.Finish();
+  const LocalMapper& mapper = mapping.mapper();
   if (mapper.map().keyframes().empty()) {
     return absl::FailedPreconditionError(
         fmt::format("no frame of {} could be tracked; the first: {}", frames.size(),
                     frames.empty() ? "there is none" : frames.front().lost_because));
   }
-  mapper.DropShreds();
   FinishFrames(mapper, frames, source.first_index(), result);
   for (const std::vector<KeyframeId>& part : ConnectedParts(mapper.map())) {
     result.parts.push_back({part.front().index, part.size()});
   }
   result.map = mapper.map();
   result.rig = mapper.rig();
+  result.loops = mapping.closer().loops();
+  result.rejected_loop_keyframes = mapping.closer().rejected_count();
+  result.georeference = mapping.closer().georeference();
   result.stage_ms["read"] = front_end.read_ms();
   for (const auto& [step, ms] : mapper.step_ms()) result.stage_ms["map_" + step] = ms;
   return result;

@@ -1,4 +1,5 @@
-// From a drive to a map: reader, front end, tracker and local mapper wired together (paper §2).
+// From a drive to a map: reader, front end, tracker, local mapper and loop closer wired together
+// (paper §2).
 //
 // By default each stage has a thread of its own: reading and feature extraction work ahead while
 // the mapper takes a keyframe in. The tracker waits for the mapper, so that it always sees the map
@@ -11,6 +12,8 @@
 
 #include <functional>
 #include <map>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,7 +21,9 @@
 #include "carmap/dataset/trajectory.h"
 #include "carmap/feature/stereo_features.h"
 #include "carmap/map/map.h"
+#include "carmap/slam/georeference_map.h"
 #include "carmap/slam/local_mapper.h"
+#include "carmap/slam/loop_closer.h"
 #include "carmap/slam/tracker.h"
 
 namespace carmap {
@@ -27,6 +32,9 @@ struct MapDriveOptions {
   FrontEndOptions front_end;
   TrackerOptions tracker;
   LocalMapperOptions mapper;
+  LoopCloserOptions loops;  ///< its `sequential` follows from the one below
+  /// By which places are recognized; without one they are looked for where the map has them.
+  std::shared_ptr<const Vocabulary> vocabulary;
   bool sequential = false;
 };
 
@@ -47,9 +55,12 @@ struct MappedDrive {
   StereoRig rig;          ///< the source's, with the disparity bias found on the way
   Trajectory trajectory;  ///< in the map's frame, one entry a frame, after all adjustments
   std::vector<LostFrame> lost_frames;
-  std::vector<MapPart> parts;              ///< one if the whole map holds together
-  std::vector<double> frame_ms;            ///< from images in memory to the frame's pose
-  std::map<std::string, double> stage_ms;  ///< total of each stage
+  std::vector<MapPart> parts;                ///< one if the whole map holds together
+  std::vector<Loop> loops;                   ///< that were closed
+  size_t rejected_loop_keyframes = 0;        ///< see LoopDetector::rejected_count
+  std::optional<Georeference> georeference;  ///< where GPS fixes tell it
+  std::vector<double> frame_ms;              ///< from images in memory to the frame's pose
+  std::map<std::string, double> stage_ms;    ///< total of each stage
 };
 
 /// Called after each frame with the number of frames and keyframes so far.

@@ -16,7 +16,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 constexpr DriveId kDrive{7};
-constexpr MapDriveOptions kSequential{.sequential = true};
+const MapDriveOptions kSequential{.sequential = true};
 
 const TestDrive& RenderedDrive() {
   static const TestDrive drive = RenderTestDrive(24);

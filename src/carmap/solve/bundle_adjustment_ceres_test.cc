@@ -45,9 +45,8 @@ struct PriorErrorOfPose {
   bool operator()(const double* tangent, double* residual) const {
     const Eigen::Map<const Vector6d> delta(tangent);
     const Eigen::Vector3d center = Perturb(initial_pose, delta).Inverse().translation;
-    for (int i = 0; i < 3; ++i) {
-      residual[i] = (center[i] - prior.position_in_map[i]) / prior.sigma_m[i];
-    }
+    Eigen::Map<Eigen::Vector3d>(residual, 3) =
+        prior.sqrt_information * (center - prior.position_in_map);
     return true;
   }
 };
@@ -124,6 +123,7 @@ Bundle MakeRound(TestRandom& random) {
     bundle.pose_is_fixed.push_back(false);
     PositionPrior prior{static_cast<uint32_t>(i), map_from_camera.translation + random.Normal3(1)};
     prior.weight = 0.5;
+    prior.sqrt_information(0, 2) = 0.4;
     if (i % 20 < 2) prior.position_in_map.x() += 50;
     bundle.priors.push_back(prior);
     map_from_camera = map_from_camera * Rigid3{RotationExp({0, kTurn, 0}), {0, 0, 1}};

@@ -23,8 +23,8 @@ struct PoseGraphEdge {
   bool is_robust = false;
 };
 
-/// The problem, and after SolvePoseGraph its solution. Priors are always robust; to use fixes in
-/// another frame than the map's, align first (AlignToPositions) and bring the poses there.
+/// The problem, and after SolvePoseGraph its solution. Priors are always robust. They are in the
+/// map's frame: GPS fixes are brought there first (AlignToFixes).
 struct PoseGraph {
   std::vector<Rigid3> camera_from_map;
   std::vector<bool> pose_is_fixed;  ///< one a pose; at least one should be, unless there are priors

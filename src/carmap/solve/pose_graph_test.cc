@@ -81,7 +81,8 @@ TEST(PoseGraphTest, JacobiansAgreeWithDifferences) {
 TEST(PoseGraphTest, PriorAgreesWithDifferences) {
   TestRandom random(5);
   const Rigid3 pose = random.Pose(20, 1);
-  const PositionPrior prior{0, {1, 2, 3}, {0.5, 2, 4}, 0.3};
+  PositionPrior prior{.pose_idx = 0, .position_in_map = {1, 2, 3}, .weight = 0.3};
+  prior.sqrt_information << 2, 0.3, -1, 0, 0.5, 0.2, 0.1, 0, 0.25;
   Matrix6d hessian = Matrix6d::Zero();
   Vector6d gradient = Vector6d::Zero();
   AddPrior(prior, pose, 1, hessian, gradient);
@@ -165,7 +166,7 @@ TEST(PoseGraphTest, FixesGiveThePlaceAndWrongOnesDoNotBendThePath) {
     graph.pose_is_fixed[0] = false;
     const double before = WorstDistance(graph.camera_from_map, truth);
     for (uint32_t i = 0; i < truth.size(); i += 2) {
-      PositionPrior prior{i, truth[i].Inverse().translation + random.Normal3(1), {1, 1, 1}};
+      PositionPrior prior{i, truth[i].Inverse().translation + random.Normal3(1)};
       // A tenth of the fixes is 50 m off, some seconds at a time.
       if (i % 200 < 20) prior.position_in_map += Eigen::Vector3d(30, 0, 40);
       graph.priors.push_back(prior);

@@ -15,7 +15,8 @@ namespace carmap {
 struct PositionPrior {
   uint32_t pose_idx = 0;
   Eigen::Vector3d position_in_map = Eigen::Vector3d::Zero();  ///< of the camera's centre
-  Eigen::Vector3d sigma_m = Eigen::Vector3d::Ones();          ///< along the map's axes
+  /// Turns an error in the map's frame, metres, into standard deviations.
+  Eigen::Matrix3d sqrt_information = Eigen::Matrix3d::Identity();
   /// Less than 1 where many priors share one error, as fixes of a minute do: together they must not
   /// pass for as many independent ones.
   double weight = 1;
@@ -35,9 +36,7 @@ inline double GemanMcClureWeight(double chi_square, double square_scale) {
 
 /// In standard deviations, (estimated - measured).
 inline Eigen::Vector3d PriorError(const PositionPrior& prior, const Rigid3& camera_from_map) {
-  const Eigen::Vector3d center =
-      -(camera_from_map.rotation.conjugate() * camera_from_map.translation);
-  return (center - prior.position_in_map).cwiseQuotient(prior.sigma_m);
+  return prior.sqrt_information * (camera_from_map.Inverse().translation - prior.position_in_map);
 }
 
 /// Adds the prior to the normal equations of its pose. A turn of the camera does not move its
@@ -45,8 +44,8 @@ inline Eigen::Vector3d PriorError(const PositionPrior& prior, const Rigid3& came
 inline void AddPrior(const PositionPrior& prior, const Rigid3& camera_from_map,
                      double robust_weight, Matrix6d& hessian, Vector6d& gradient) {
   const double weight = prior.weight * robust_weight;
-  const Eigen::Matrix3d jacobian = -(prior.sigma_m.cwiseInverse().asDiagonal() *
-                                     camera_from_map.rotation.conjugate().toRotationMatrix());
+  const Eigen::Matrix3d jacobian =
+      -prior.sqrt_information * camera_from_map.rotation.conjugate().toRotationMatrix();
   hessian.topLeftCorner<3, 3>() += weight * jacobian.transpose() * jacobian;
   gradient.head<3>() += weight * jacobian.transpose() * PriorError(prior, camera_from_map);
 }

@@ -1,0 +1,88 @@
+#include "carmap/slam/georeference_map.h"
+
+#include <algorithm>
+#include <cstdint>
+
+#include "carmap/solve/georeference.h"
+
+namespace carmap {
+namespace {
+
+Eigen::Vector3d SigmaOf(const GpsOptions& options) {
+  return options.sigma_m * Eigen::Vector3d(1, 1, options.vertical_factor);
+}
+
+/// Fixes within the time in which their errors hardly change, this one included.
+size_t CountTogether(const std::vector<double>& times_s, double time_s, double correlation_s) {
+  const auto begin = std::lower_bound(times_s.begin(), times_s.end(), time_s - correlation_s / 2);
+  const auto end = std::upper_bound(times_s.begin(), times_s.end(), time_s + correlation_s / 2);
+  return static_cast<size_t>(std::max<std::ptrdiff_t>(end - begin, 1));
+}
+
+}  // namespace
+
+std::optional<Georeference> GeoreferenceOf(const Map& map, const GpsOptions& options) {
+  std::optional<GpsFix> origin;
+  std::optional<LocalEnu> enu;
+  std::vector<CameraFix> fixes;
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    if (!keyframe.gps) continue;
+    if (!origin) {
+      origin = keyframe.gps;
+      enu.emplace(*origin);
+    }
+    fixes.push_back({keyframe.map_from_camera, enu->FromGps(*keyframe.gps), SigmaOf(options)});
+  }
+  const auto enu_from_map = AlignToFixes(fixes, options.min_extent_m);
+  if (!enu_from_map) return std::nullopt;
+  return Georeference{*origin, *enu_from_map};
+}
+
+std::vector<PositionPrior> FixesAsPriors(const Map& map, const GpsOptions& options) {
+  const auto georeference = GeoreferenceOf(map, options);
+  if (!georeference) return {};
+  std::vector<double> times_s;
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    if (keyframe.gps) times_s.push_back(keyframe.timestamp.seconds());
+  }
+  std::sort(times_s.begin(), times_s.end());
+
+  const LocalEnu enu(georeference->origin);
+  const Rigid3 map_from_enu = georeference->enu_from_map.Inverse();
+  const Eigen::Matrix3d sqrt_information = SigmaOf(options).cwiseInverse().asDiagonal() *
+                                           georeference->enu_from_map.rotation.toRotationMatrix();
+  std::vector<PositionPrior> priors;
+  uint32_t pose_idx = 0;
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    const uint32_t idx = pose_idx++;
+    if (!keyframe.gps) continue;
+    const auto together = static_cast<double>(
+        CountTogether(times_s, keyframe.timestamp.seconds(), options.correlation_s));
+    priors.push_back({.pose_idx = idx,
+                      .position_in_map = map_from_enu * enu.FromGps(*keyframe.gps),
+                      .sqrt_information = sqrt_information,
+                      .weight = 1 / together});
+  }
+  return priors;
+}
+
+std::vector<double> FixErrorsM(const Map& map, const Georeference& georeference) {
+  const LocalEnu enu(georeference.origin);
+  std::vector<double> errors_m;
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    if (!keyframe.gps) continue;
+    const Eigen::Vector3d p_in_enu =
+        georeference.enu_from_map * keyframe.map_from_camera.translation;
+    errors_m.push_back((enu.FromGps(*keyframe.gps) - p_in_enu).head<2>().norm());
+  }
+  return errors_m;
+}
+
+void ReplaceFixes(const Georeference& georeference, LeanMap& map) {
+  const LocalEnu enu(georeference.origin);
+  for (LeanKeyframe& keyframe : map.keyframes) {
+    keyframe.gps = enu.ToGps(georeference.enu_from_map * keyframe.map_from_camera.translation);
+  }
+}
+
+}  // namespace carmap

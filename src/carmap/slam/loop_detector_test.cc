@@ -1,0 +1,92 @@
+#include "carmap/slam/loop_detector.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "carmap/slam/test_round.h"
+
+namespace carmap {
+namespace {
+
+using ::testing::Ge;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+constexpr double kRoundM = 240;
+
+struct Detections {
+  std::vector<Loop> loops;
+  std::vector<uint32_t> keyframes;  ///< at which they were found
+};
+
+Detections DriveAndDetect(RoundDrive& drive, int steps, LoopDetector& detector) {
+  Detections result;
+  for (int i = 0; i < steps; ++i) {
+    const auto id = drive.Step();
+    EXPECT_TRUE(id) << "frame " << i;
+    if (!id) break;
+    const auto loop = detector.Detect(drive.map(), drive.mapper().rig(), *id);
+    if (!loop) continue;
+    result.loops.push_back(*loop);
+    result.keyframes.push_back(id->index);
+  }
+  return result;
+}
+
+TEST(LoopDetector, FindsTheLoopAndWhereTheVehicleIs) {
+  const Street street = MakeRoundStreet(3, kRoundM);
+  RoundDrive drive(street, {.circumference_m = kRoundM});
+  LoopDetector detector({}, nullptr);
+  const Detections found = DriveAndDetect(drive, 175, detector);
+  ASSERT_FALSE(found.loops.empty());
+  // Keyframe 160 is where keyframe 0 was, which saw what is ahead.
+  EXPECT_GT(found.keyframes.front(), 140u);
+  EXPECT_LT(found.keyframes.front(), 168u);
+  const Loop& loop = found.loops.front();
+  EXPECT_THAT(loop, SizeIs(Ge(3)));
+  EXPECT_GT(drive.ErrorBetween(loop.back().place_id, loop.back().keyframe_id), 0.5)
+      << "without drift nothing would be proved";
+  for (const LoopMatch& match : loop) {
+    const Rigid3 truth =
+        drive.Truth(match.keyframe_id.index).Inverse() * drive.Truth(match.place_id.index);
+    EXPECT_LT((match.keyframe_from_place.translation - truth.translation).norm(), 0.15);
+    EXPECT_LT(RotationAngle(match.keyframe_from_place.rotation * truth.rotation.conjugate()), 0.01);
+    EXPECT_GT(match.seen_share, 0.15);
+  }
+}
+
+TEST(LoopDetector, FindsNoneOnAnOpenRoad) {
+  const Street street = MakeRoundStreet(3, 600);
+  RoundDrive drive(street, {.circumference_m = 600});
+  LoopDetector detector({}, nullptr);
+  EXPECT_THAT(DriveAndDetect(drive, 200, detector).loops, IsEmpty());
+}
+
+// Every 60 m the street looks the same, to the last corner: each place where the vehicle might be
+// has a rival, but for drift that is not possible.
+TEST(LoopDetector, FindsNoneAmongRepeatedFacades) {
+  const Street street = MakeRoundStreet(3, 480, /*period_m=*/60);
+  RoundDrive drive(street, {.circumference_m = 480, .focal_error = 0});
+  LoopDetector detector({}, nullptr);
+  EXPECT_THAT(DriveAndDetect(drive, 300, detector).loops, IsEmpty());
+}
+
+TEST(LoopDetector, FindsNoneAmongRepeatedFacadesWhateverDriftIsPossible) {
+  const Street street = MakeRoundStreet(3, 480, /*period_m=*/60);
+  RoundDrive drive(street, {.circumference_m = 480, .focal_error = 0});
+  LoopDetector detector({.max_places_by_position = 20,
+                         .max_turn_rad = 10,
+                         .drift_allowance_m = 1000,
+                         .drift_allowance_rad = 10},
+                        nullptr);
+  const Detections found = DriveAndDetect(drive, 140, detector);
+  // The first repetition has no rival yet; nothing but drift tells that it is not the same place.
+  for (const Loop& loop : found.loops) {
+    EXPECT_LT(loop.back().keyframe_id.index, 2 * 60 / 1.5 + 5);
+  }
+}
+
+}  // namespace
+}  // namespace carmap
