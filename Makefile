@@ -4,7 +4,7 @@ FUZZ_SECONDS ?= 60
 export CMAKE_BUILD_PARALLEL_LEVEL := $(JOBS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test bench evaluate lint format asan tsan fuzz clean
+.PHONY: help setup build demo test bench evaluate vocabulary lint format asan tsan fuzz clean
 
 help:  ## list these commands
 	@echo 'make COMMAND [JOBS=N]      (N processes at once; default: one a core)'
@@ -32,6 +32,9 @@ bench: setup  ## time what is hot, as ratios to a yardstick
 
 evaluate: build  ## errors and sizes on every real drive that is present
 	@scripts/evaluate.sh
+
+vocabulary: build  ## make the program's default vocabulary anew, of simulated drives
+	@scripts/train_vocabulary.sh
 
 lint:  ## formatting, clang-tidy, shell scripts
 	@scripts/install_dependencies.sh lint

@@ -19,6 +19,7 @@
 #include "carmap/dataset/kitti_drive.h"
 #include "carmap/eval/map_composition.h"
 #include "carmap/eval/trajectory_metrics.h"
+#include "carmap/feature/default_vocabulary.h"
 #include "carmap/feature/vocabulary.h"
 #include "carmap/feature/vocabulary_file.h"
 #include "carmap/format/lean_codec.h"
@@ -48,7 +49,9 @@ struct Run {
 absl::StatusOr<MappedDrive> MapWithProgress(KittiDrive& drive, const Arguments& arguments) {
   MapDriveOptions options;
   options.sequential = arguments.sequential;
-  if (!arguments.vocabulary.empty()) {
+  if (arguments.vocabulary.empty()) {
+    options.vocabulary = {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()};
+  } else {
     CARMAP_ASSIGN_OR_RETURN(Vocabulary vocabulary, ReadVocabulary(arguments.vocabulary));
     options.vocabulary = std::make_shared<const Vocabulary>(std::move(vocabulary));
   }
@@ -257,8 +260,8 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
   command
       ->add_option(
           "--vocabulary", arguments->vocabulary,
-          "Recognize places by this vocabulary's words (default: places are looked for where "
-          "the map has them)")
+          "Recognize places by this vocabulary's words (default: the one that comes with the "
+          "program)")
       ->type_name("V.cmvoc");
   command
       ->add_option("--trajectory", arguments->trajectory,
