@@ -256,7 +256,17 @@ struct Renderer::Impl {
   const Light light;
   const Sky sky;
   const uint64_t seed;
-  std::vector<Sample> centres;  ///< of the view that is being rendered
+  const Textures& textures = Textures::Get();
+
+  RenderedView Render(const PinholeCamera& camera, const Rigid3& enu_from_camera,
+                      const ViewMotion& motion, const RectificationResidual& residual,
+                      std::vector<Sample>& samples) const {
+    const View view(camera, residual, enu_from_camera, scene.origin_in_enu());
+    const Shader shader(scene, world->ground.get(), sky, light, textures, view);
+    return Painting(shader, camera, motion, seed, samples).Paint();
+  }
+
+  std::array<std::vector<Sample>, 2> centres;  ///< of the views that are being rendered
 };
 
 Renderer::Renderer(std::shared_ptr<const World> world, const std::vector<Mesh>& vehicle_models,
@@ -273,9 +283,21 @@ RenderedView Renderer::Render(const PinholeCamera& camera, const Rigid3& enu_fro
                               const ViewMotion& motion,
                               const RectificationResidual& residual) const {
   impl_->scene.MoveOrigin(enu_from_camera.translation);
-  const View view(camera, residual, enu_from_camera, impl_->scene.origin_in_enu());
-  const Shader shader(impl_->scene, impl_->world->ground.get(), impl_->sky, impl_->light, view);
-  return Painting(shader, camera, motion, impl_->seed, impl_->centres).Paint();
+  return impl_->Render(camera, enu_from_camera, motion, residual, impl_->centres[0]);
+}
+
+std::array<RenderedView, 2> Renderer::RenderStereo(
+    const StereoRig& rig, const Rigid3& enu_from_left, const ViewMotion& motion,
+    const std::array<RectificationResidual, 2>& residuals) const {
+  impl_->scene.MoveOrigin(enu_from_left.translation);
+  const Rigid3 left_from_right = {Eigen::Quaterniond::Identity(), {rig.baseline_m, 0, 0}};
+  const std::array<Rigid3, 2> poses = {enu_from_left, enu_from_left * left_from_right};
+  std::array<RenderedView, 2> views;
+  // What one does by itself is done beside the other's rays.
+  tbb::parallel_for(0, 2, [&](int i) {
+    views[i] = impl_->Render(rig.camera, poses[i], motion, residuals[i], impl_->centres[i]);
+  });
+  return views;
 }
 
 }  // namespace carmap
