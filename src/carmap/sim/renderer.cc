@@ -86,6 +86,10 @@ class Painting {
   void LookToSky(Batch& batch) const;
   void StoreTruth(const Batch& batch, int i);
   void OpenSky(const cv::Rect& tile);
+  static float Radiance(const Sample& sample) {
+    return sample.fixed + sample.openness * sample.ambient;
+  }
+  static bool Differ(const Sample& a, const Sample& b);
   int FurtherSamples(int x, int y);
   void RefineEdges(const cv::Rect& tile, Batch& batch);
   void Refine(const std::vector<Edge>& edges, Batch& batch);
@@ -152,10 +156,17 @@ void Painting::OpenSky(const cv::Rect& tile) {
   SpreadOpenness(tile, size_, centres_);
   for (int y = tile.y; y < tile.br().y; ++y) {
     for (int x = tile.x; x < tile.br().x; ++x) {
-      const Sample& sample = At(x, y);
-      result_.radiance.at<float>(y, x) = sample.fixed + sample.openness * sample.ambient;
+      result_.radiance.at<float>(y, x) = Radiance(At(x, y));
     }
   }
+}
+
+/// Whether an edge lies between neighbours that one can see.
+bool Painting::Differ(const Sample& a, const Sample& b) {
+  constexpr float kLeastContrast = 0.02f;
+  const float light_a = Radiance(a), light_b = Radiance(b);
+  return std::abs(light_a - light_b) > kLeastContrast * (light_a + light_b) &&
+         (a.sunny != b.sunny || !Continuous(a, b));
 }
 
 int Painting::FurtherSamples(int x, int y) {
@@ -164,7 +175,7 @@ int Painting::FurtherSamples(int x, int y) {
   for (const auto& [i, j] : {std::pair(x - 1, y), {x + 1, y}, {x, y - 1}, {x, y + 1}}) {
     if (!Contains(i, j)) continue;
     const Sample& other = At(i, j);
-    edge |= sample.sunny != other.sunny || !Continuous(sample, other);
+    edge |= Differ(sample, other);
     leaves &= other.rough;
   }
   return !edge ? 0 : leaves ? 1 : 2;
@@ -233,8 +244,7 @@ void Painting::Refine(const std::vector<Edge>& edges, Batch& batch) {
     float& radiance = result_.radiance.at<float>(at);
     float sum = radiance;
     for (int k = 0; k < samples; ++k, ++i) {
-      const Sample& sample = batch.sample[i];
-      sum += sample.fixed + sample.openness * sample.ambient;
+      sum += Radiance(batch.sample[i]);
     }
     radiance = sum / static_cast<float>(1 + samples);
   }
