@@ -17,6 +17,8 @@
 #include "carmap/base/status_macros.h"
 #include "carmap/base/stopwatch.h"
 #include "carmap/dataset/kitti_drive.h"
+#include "carmap/dataset/world_frame.h"
+#include "carmap/eval/georeferenced_error.h"
 #include "carmap/eval/map_composition.h"
 #include "carmap/eval/trajectory_metrics.h"
 #include "carmap/feature/default_vocabulary.h"
@@ -33,7 +35,7 @@ namespace {
 struct Arguments {
   std::string drive, out, vocabulary, trajectory, report, picture;
   FrameRange range;
-  bool sequential = false;
+  bool sequential = false, no_loops = false;
 };
 
 /// What a run made, and what it took to make it.
@@ -44,11 +46,13 @@ struct Run {
   double path_length_m = 0;
   double wall_s = 0, peak_rss_mb = 0;
   std::optional<TrajectoryEvaluation> evaluation;
+  std::optional<Summary> georeferenced_error_m;
 };
 
 absl::StatusOr<MappedDrive> MapWithProgress(KittiDrive& drive, const Arguments& arguments) {
   MapDriveOptions options;
   options.sequential = arguments.sequential;
+  options.loops.close_loops = !arguments.no_loops;
   if (arguments.vocabulary.empty()) {
     options.vocabulary = {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()};
   } else {
@@ -61,6 +65,20 @@ absl::StatusOr<MappedDrive> MapWithProgress(KittiDrive& drive, const Arguments& 
   });
   if (!mapped.ok()) return WithName(arguments.drive, mapped.status());
   return mapped;
+}
+
+/// Where the drive says where on the Earth its truth is, and its fixes told where the map is.
+absl::StatusOr<std::optional<Summary>> GeoreferencedError(const MappedDrive& mapped,
+                                                          const Trajectory& truth,
+                                                          const std::string& drive) {
+  if (!mapped.georeference || truth.empty()) return std::nullopt;
+  CARMAP_ASSIGN_OR_RETURN(const std::optional<GpsFix> truth_origin, ReadWorldOrigin(drive));
+  if (!truth_origin) return std::nullopt;
+  const auto& [origin, enu_from_map] = *mapped.georeference;
+  const auto errors_m =
+      GeoreferencedErrorsM(mapped.trajectory, enu_from_map, origin, truth, *truth_origin);
+  if (!errors_m.ok()) return std::nullopt;
+  return Summarize(*errors_m);
 }
 
 /// Maps the drive and writes the map: what the reported time and memory are of.
@@ -82,6 +100,8 @@ absl::StatusOr<Run> MapAndWrite(KittiDrive& drive, const Arguments& arguments,
   if (auto evaluation = EvaluateTrajectory(run.mapped.trajectory, drive.truth()); evaluation.ok()) {
     run.evaluation = *std::move(evaluation);
   }
+  CARMAP_ASSIGN_OR_RETURN(run.georeferenced_error_m,
+                          GeoreferencedError(run.mapped, drive.truth(), arguments.drive));
   return run;
 }
 
@@ -151,6 +171,9 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const CompositionBy
     report["georeference"] = ToJson(run.mapped.map, *run.mapped.georeference);
   }
   if (run.evaluation) AddErrors(*run.evaluation, report);
+  if (run.georeferenced_error_m) {
+    report["georeferenced_error_m"] = ToJson(*run.georeferenced_error_m);
+  }
   return report;
 }
 
@@ -257,6 +280,8 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
   command->add_flag("--sequential", arguments->sequential,
                     "Work on one stage at a time. The same drive gives the same map, byte by byte, "
                     "with this and without");
+  command->add_flag("--no-loops", arguments->no_loops,
+                    "Leave loops open, to see how far the vehicle drifts");
   command
       ->add_option(
           "--vocabulary", arguments->vocabulary,
@@ -291,7 +316,9 @@ the map, a new part of the map begins, put where its speed led to; the report li
 
 Where the drive comes back to a place the loop is closed, and the whole map adjusted. If the drive
 has gps.txt its fixes hold the map too, and each keyframe gets the place on Earth that all of them
-together tell; the report's georeference.fix_error_m is how far single fixes are from there.
+together tell; the report's georeference.fix_error_m is how far single fixes are from there, and
+georeferenced_error_m, of drives with a world.json, how far the frames are from their true places;
+both are horizontal.
 
 Examples:
   carmap map kitti06_000-050 --out road.cmap

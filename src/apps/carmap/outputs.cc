@@ -40,7 +40,7 @@ absl::Status WithName(const std::string& name, const absl::Status& status) {
 
 std::vector<std::string> FilesOfDrive(const std::string& folder) {
   std::vector<std::string> files;
-  for (const char* name : {"calib.txt", "times.txt", "poses.txt", "gps.txt"}) {
+  for (const char* name : {"calib.txt", "times.txt", "poses.txt", "gps.txt", "world.json"}) {
     files.push_back((fs::path(folder) / name).string());
   }
   return files;

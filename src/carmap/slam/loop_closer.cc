@@ -14,6 +14,7 @@ LoopCloser::LoopCloser(const LoopCloserOptions& options,
     : options_(options), detector_(options.detector, std::move(vocabulary)) {}
 
 bool LoopCloser::Process(KeyframeId newest, LocalMapper& mapper) {
+  if (!options_.close_loops) return false;
   const uint64_t version = mapper.map().version();
   if (adjustment_ && --keyframes_until_taken_ == 0) TakeAdjustment(mapper);
   const Stopwatch watch;

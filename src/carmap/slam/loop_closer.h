@@ -21,6 +21,7 @@
 namespace carmap {
 
 struct LoopCloserOptions {
+  bool close_loops = true;  ///< false leaves them open, to measure drift
   LoopDetectorOptions detector;
   LoopCorrectionOptions correction;
   GlobalAdjustmentOptions adjustment;

@@ -81,6 +81,16 @@ TEST(LoopCloser, EndsWhileTheWholeMapIsAdjusted) {
   // Destroyed with the adjustment under way.
 }
 
+TEST(LoopCloser, LeavesLoopsOpenIfAsked) {
+  RoundDrive drive(RoundStreet(), {.circumference_m = kRoundM});
+  LoopCloser closer({.close_loops = false, .sequential = true}, nullptr);
+  const Rounds without(RoundStreet(), 190, true, false);
+  for (int i = 0; i < 190; ++i) EXPECT_FALSE(closer.Process(drive.Step().value(), drive.mapper()));
+  closer.Finish(drive.mapper());
+  EXPECT_THAT(closer.loops(), IsEmpty());
+  EXPECT_EQ(drive.map().landmarks().size(), without.drive.map().landmarks().size());
+}
+
 TEST(LoopCloser, LeavesADriveWithoutLoopsAlone) {
   const Rounds with(RoundStreet(), 60, true), without(RoundStreet(), 60, true, false);
   EXPECT_THAT(with.closer.loops(), IsEmpty());
