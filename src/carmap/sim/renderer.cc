@@ -86,6 +86,10 @@ class Painting {
   void LookToSky(Batch& batch) const;
   void StoreTruth(const Batch& batch, int i);
   void OpenSky(const cv::Rect& tile);
+  static float Radiance(const Sample& sample) {
+    return sample.fixed + sample.openness * sample.ambient;
+  }
+  static bool Differ(const Sample& a, const Sample& b);
   int FurtherSamples(int x, int y);
   void RefineEdges(const cv::Rect& tile, Batch& batch);
   void Refine(const std::vector<Edge>& edges, Batch& batch);
@@ -152,10 +156,17 @@ void Painting::OpenSky(const cv::Rect& tile) {
   SpreadOpenness(tile, size_, centres_);
   for (int y = tile.y; y < tile.br().y; ++y) {
     for (int x = tile.x; x < tile.br().x; ++x) {
-      const Sample& sample = At(x, y);
-      result_.radiance.at<float>(y, x) = sample.fixed + sample.openness * sample.ambient;
+      result_.radiance.at<float>(y, x) = Radiance(At(x, y));
     }
   }
+}
+
+/// Whether an edge lies between neighbours that one can see.
+bool Painting::Differ(const Sample& a, const Sample& b) {
+  constexpr float kLeastContrast = 0.02f;
+  const float light_a = Radiance(a), light_b = Radiance(b);
+  return std::abs(light_a - light_b) > kLeastContrast * (light_a + light_b) &&
+         (a.sunny != b.sunny || !Continuous(a, b));
 }
 
 int Painting::FurtherSamples(int x, int y) {
@@ -164,7 +175,7 @@ int Painting::FurtherSamples(int x, int y) {
   for (const auto& [i, j] : {std::pair(x - 1, y), {x + 1, y}, {x, y - 1}, {x, y + 1}}) {
     if (!Contains(i, j)) continue;
     const Sample& other = At(i, j);
-    edge |= sample.sunny != other.sunny || !Continuous(sample, other);
+    edge |= Differ(sample, other);
     leaves &= other.rough;
   }
   return !edge ? 0 : leaves ? 1 : 2;
@@ -233,8 +244,7 @@ void Painting::Refine(const std::vector<Edge>& edges, Batch& batch) {
     float& radiance = result_.radiance.at<float>(at);
     float sum = radiance;
     for (int k = 0; k < samples; ++k, ++i) {
-      const Sample& sample = batch.sample[i];
-      sum += sample.fixed + sample.openness * sample.ambient;
+      sum += Radiance(batch.sample[i]);
     }
     radiance = sum / static_cast<float>(1 + samples);
   }
@@ -256,7 +266,17 @@ struct Renderer::Impl {
   const Light light;
   const Sky sky;
   const uint64_t seed;
-  std::vector<Sample> centres;  ///< of the view that is being rendered
+  const Textures& textures = Textures::Get();
+
+  RenderedView Render(const PinholeCamera& camera, const Rigid3& enu_from_camera,
+                      const ViewMotion& motion, const RectificationResidual& residual,
+                      std::vector<Sample>& samples) const {
+    const View view(camera, residual, enu_from_camera, scene.origin_in_enu());
+    const Shader shader(scene, world->ground.get(), sky, light, textures, view);
+    return Painting(shader, camera, motion, seed, samples).Paint();
+  }
+
+  std::array<std::vector<Sample>, 2> centres;  ///< of the views that are being rendered
 };
 
 Renderer::Renderer(std::shared_ptr<const World> world, const std::vector<Mesh>& vehicle_models,
@@ -273,9 +293,21 @@ RenderedView Renderer::Render(const PinholeCamera& camera, const Rigid3& enu_fro
                               const ViewMotion& motion,
                               const RectificationResidual& residual) const {
   impl_->scene.MoveOrigin(enu_from_camera.translation);
-  const View view(camera, residual, enu_from_camera, impl_->scene.origin_in_enu());
-  const Shader shader(impl_->scene, impl_->world->ground.get(), impl_->sky, impl_->light, view);
-  return Painting(shader, camera, motion, impl_->seed, impl_->centres).Paint();
+  return impl_->Render(camera, enu_from_camera, motion, residual, impl_->centres[0]);
+}
+
+std::array<RenderedView, 2> Renderer::RenderStereo(
+    const StereoRig& rig, const Rigid3& enu_from_left, const ViewMotion& motion,
+    const std::array<RectificationResidual, 2>& residuals) const {
+  impl_->scene.MoveOrigin(enu_from_left.translation);
+  const Rigid3 left_from_right = {Eigen::Quaterniond::Identity(), {rig.baseline_m, 0, 0}};
+  const std::array<Rigid3, 2> poses = {enu_from_left, enu_from_left * left_from_right};
+  std::array<RenderedView, 2> views;
+  // What one does by itself is done beside the other's rays.
+  tbb::parallel_for(0, 2, [&](int i) {
+    views[i] = impl_->Render(rig.camera, poses[i], motion, residuals[i], impl_->centres[i]);
+  });
+  return views;
 }
 
 }  // namespace carmap

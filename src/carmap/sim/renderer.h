@@ -54,6 +54,11 @@ class Renderer {
   RenderedView Render(const PinholeCamera& camera, const Rigid3& enu_from_camera,
                       const ViewMotion& motion, const RectificationResidual& residual = {}) const;
 
+  /// Left and right view at once; poses and faults in that order.
+  std::array<RenderedView, 2> RenderStereo(
+      const StereoRig& rig, const Rigid3& enu_from_left, const ViewMotion& motion,
+      const std::array<RectificationResidual, 2>& residuals) const;
+
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;

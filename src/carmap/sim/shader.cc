@@ -129,13 +129,13 @@ bool Continuous(const Sample& a, const Sample& b) {
 }
 
 Shader::Shader(const RayScene& scene, const GroundMap* ground, const Sky& sky, const Light& light,
-               const View& view)
+               const Textures& textures, const View& view)
     : scene_(scene),
       ground_(ground),
       sky_(sky),
       light_(light),
       view_(view),
-      textures_(Textures::Get()),
+      textures_(textures),
       to_sun_(light.to_sun_in_enu.cast<float>()) {
   // Evenly over the upper half, on a spiral by the golden angle.
   for (int i = 0; i < kSkyDirections; ++i) {

@@ -77,7 +77,7 @@ class Shader {
   static constexpr int kSkyDirections = 8;
 
   Shader(const RayScene& scene, const GroundMap* ground, const Sky& sky, const Light& light,
-         const View& view);
+         const Textures& textures, const View& view);
 
   /// Finds what the samples at `u` and `v` show.
   void Meet(Batch& batch) const;

@@ -1,6 +1,7 @@
 #include "carmap/sim/simulation.h"
 
 #include <fmt/format.h>
+#include <tbb/parallel_invoke.h>
 
 #include <algorithm>
 #include <cmath>
@@ -232,17 +233,18 @@ const std::vector<SimulatedFix>& Simulation::fixes() const { return impl_->fixes
 SimulatedFrame Simulation::Render(size_t frame_idx) {
   const double gain = impl_->GainFor(frame_idx);
   const auto frame = static_cast<uint32_t>(frame_idx);
-  const Rigid3 enu_from_left = impl_->ego.EnuFromCamera(frame_idx);
-  const Rigid3 enu_from_right = {enu_from_left.rotation,
-                                 enu_from_left * Eigen::Vector3d(impl_->rig.baseline_m, 0, 0)};
+  const auto& [left, right] = impl_->cameras;
+  impl_->renderer->SetTraffic(impl_->traffic->At(frame_idx));
   SimulatedFrame result;
-  result.left_truth = impl_->RenderLeft(frame_idx);
-  result.right_truth =
-      impl_->renderer->Render(impl_->rig.camera, enu_from_right, impl_->ego.MotionAt(frame_idx),
-                              impl_->cameras[1].residual);
+  auto views = impl_->renderer->RenderStereo(impl_->rig, impl_->ego.EnuFromCamera(frame_idx),
+                                             impl_->ego.MotionAt(frame_idx),
+                                             {left.residual, right.residual});
+  result.left_truth = std::move(views[0]);
+  result.right_truth = std::move(views[1]);
   impl_->metered_gain[frame_idx] = AutomaticGain(result.left_truth.radiance);
-  result.left = Expose(result.left_truth, impl_->cameras[0].sensor, gain, frame, 0);
-  result.right = Expose(result.right_truth, impl_->cameras[1].sensor, gain, frame, 1);
+  tbb::parallel_invoke(
+      [&] { result.left = Expose(result.left_truth, left.sensor, gain, frame, 0); },
+      [&] { result.right = Expose(result.right_truth, right.sensor, gain, frame, 1); });
   return result;
 }
 
