@@ -46,7 +46,7 @@ struct LoopDetectorOptions {
   int min_inliers = 40;
   double min_seen_share = 0.15;  ///< of the landmarks that must be in sight
   int min_image_cells = 5;       ///< of 4 × 2 cells of the image, with at least two inliers each
-  int min_near_inliers = 12;     ///< nearer than near_m, which tell where the camera stands
+  int min_near_inliers = 8;     ///< nearer than near_m, which tell where the camera stands
   double near_m = 20;
   /// Another place that would explain the keyframe too, with so large a part of the inliers, makes
   /// both worthless: façades repeat.
