@@ -163,7 +163,7 @@ void Painting::OpenSky(const cv::Rect& tile) {
 
 /// Whether an edge lies between neighbours that one can see.
 bool Painting::Differ(const Sample& a, const Sample& b) {
-  constexpr float kLeastContrast = 0.02f;
+  constexpr float kLeastContrast = 0.04f;
   const float light_a = Radiance(a), light_b = Radiance(b);
   return std::abs(light_a - light_b) > kLeastContrast * (light_a + light_b) &&
          (a.sunny != b.sunny || !Continuous(a, b));
