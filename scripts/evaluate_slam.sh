@@ -5,7 +5,7 @@
 #   scripts/evaluate_slam.sh [PATH...]     paths by their numbers; default: 07 06 05 00
 #
 # SIZE=WxH is the images' size. Drives are kept in build/slam_drives; an interrupted run goes on
-# where it stopped.
+# where it stopped. Remove them after the simulator changed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 # shellcheck source-path=SCRIPTDIR source=report.sh

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes the vocabulary that comes with the program anew, of simulated drives alone. Takes about
-# ten minutes on two cores. The same sources give the same bytes.
+# Makes the vocabulary that comes with the program anew, of simulated drives alone. Drives
+# that are in build/vocabulary already are used as they are: remove it after the simulator changed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "carmap/localize/frame_tracking.h"
 #include "carmap/map/map_snapshot.h"
@@ -77,10 +76,9 @@ Nearest FindNearest(const PredictedFeature& prediction, const FeatureGrid& to, c
 std::optional<Rigid3> EstimateMotion(const std::vector<Feature>& from,
                                      const std::vector<Feature>& to, const StereoRig& rig) {
   const MapSnapshot map = MapOf(from, rig);
-  std::vector<uint32_t> landmark_idxs(map.landmarks.size());
-  std::iota(landmark_idxs.begin(), landmark_idxs.end(), 0u);
   const FeatureGrid grid(to, rig.camera.width, rig.camera.height);
-  const auto pose = TrackByAppearance(map, landmark_idxs, grid, rig, TrackingOptions(), /*seed=*/1);
+  const auto pose =
+      TrackByAppearance(map, AllLandmarks(map), grid, rig, TrackingOptions(), /*seed=*/1);
   if (!pose) return std::nullopt;
   return pose->camera_from_map;
 }

@@ -11,16 +11,6 @@ constexpr int kMaxSearches = 5;
 constexpr double kSettledM = 0.3;
 constexpr double kLaterRadiusPx = 12;  // of searches from a pose that was found, not guessed
 
-/// Features that stand for the frame: evenly spread over the extraction order, hence over levels.
-std::vector<uint32_t> SampleFeatures(size_t feature_count, size_t max_count) {
-  const size_t count = std::min(feature_count, max_count);
-  std::vector<uint32_t> idxs;
-  for (size_t i = 0; i < count; ++i) {
-    idxs.push_back(static_cast<uint32_t>(i * feature_count / count));
-  }
-  return idxs;
-}
-
 /// For each keyframe of the map how many of the frame's sampled features resemble, more than
 /// anything else in the candidates' sight, a landmark that it sees.
 std::vector<int> CountVotes(const ReconstructedMap& map, const std::vector<uint32_t>& candidates,
@@ -82,6 +72,15 @@ std::optional<TrackedPose> TryKeyframe(const ReconstructedMap& map, uint32_t key
 }
 
 }  // namespace
+
+std::vector<uint32_t> SampleFeatures(size_t feature_count, size_t max_count) {
+  const size_t count = std::min(feature_count, max_count);
+  std::vector<uint32_t> idxs;
+  for (size_t i = 0; i < count; ++i) {
+    idxs.push_back(static_cast<uint32_t>(i * feature_count / count));
+  }
+  return idxs;
+}
 
 std::vector<uint32_t> CandidateKeyframes(const ReconstructedMap& map,
                                          const std::optional<GpsFix>& gps, double gps_radius_m) {

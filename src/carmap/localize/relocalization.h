@@ -32,6 +32,10 @@ struct RelocalizationOptions {
   size_t sure_inliers = 80;
 };
 
+/// Indices of features that stand for the frame: evenly spread over the extraction order, hence
+/// over levels.
+std::vector<uint32_t> SampleFeatures(size_t feature_count, size_t max_count);
+
 /// Keyframes where the frame can have been taken: near the fix, nearest first, then those without a
 /// place on the Earth; all if there is no fix or the map has none.
 std::vector<uint32_t> CandidateKeyframes(const ReconstructedMap& map,

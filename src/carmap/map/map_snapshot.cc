@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace carmap {
 namespace {
@@ -10,6 +11,12 @@ namespace {
 const double kInverseLogScale = 1 / std::log(kLevelScale);
 
 }  // namespace
+
+std::vector<uint32_t> AllLandmarks(const MapSnapshot& map) {
+  std::vector<uint32_t> idxs(map.landmarks.size());
+  std::iota(idxs.begin(), idxs.end(), 0u);
+  return idxs;
+}
 
 float PredictLevel(const SnapshotLandmark& landmark, double distance_m) {
   return landmark.level_at_1m - static_cast<float>(std::log(distance_m) * kInverseLogScale);

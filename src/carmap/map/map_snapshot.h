@@ -46,6 +46,9 @@ struct MapSnapshot {
   std::vector<SnapshotLandmark> landmarks;  ///< ascending by id
 };
 
+/// Indices of all landmarks.
+std::vector<uint32_t> AllLandmarks(const MapSnapshot& map);
+
 /// Pyramid level, not rounded and possibly out of range, at which a camera of the same focal length
 /// sees the landmark from this distance. It falls as the distance grows: a corner of a given size
 /// is small from far away.

@@ -4,7 +4,6 @@
 #include <absl/container/flat_hash_map.h>
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
 
 #include "carmap/feature/feature_grid.h"
@@ -133,8 +132,7 @@ MapEdit FuseLoop(const Map& map, const StereoRig& rig, const Loop& loop,
     return std::binary_search(newest_ids.begin(), newest_ids.end(), id);
   });
   const MapSnapshot place = SnapshotOf(map, place_ids);
-  std::vector<uint32_t> landmark_idxs(place.landmarks.size());
-  std::iota(landmark_idxs.begin(), landmark_idxs.end(), 0u);
+  const std::vector<uint32_t> landmark_idxs = AllLandmarks(place);
   const LoopMatch& newest = loop.back();
   const Rigid3 place_from_map =
       newest.map_from_keyframe * map.Find(newest.keyframe_id)->map_from_camera.Inverse();

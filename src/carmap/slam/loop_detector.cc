@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <numeric>
 #include <utility>
 
 #include "carmap/feature/vocabulary.h"
@@ -58,11 +57,9 @@ std::optional<LoopMatch> MatchPlace(const Map& map, const StereoRig& rig, const 
   if (around_place.empty()) return std::nullopt;
 
   const MapSnapshot snapshot = SnapshotOf(map, around_place);
-  std::vector<uint32_t> landmark_idxs(snapshot.landmarks.size());
-  std::iota(landmark_idxs.begin(), landmark_idxs.end(), 0u);
   const FeatureGrid grid(*keyframe.features, rig.camera.width, rig.camera.height);
   const auto pose =
-      TrackByAppearance(snapshot, landmark_idxs, grid, rig, options.tracking, /*seed=*/1);
+      TrackByAppearance(snapshot, AllLandmarks(snapshot), grid, rig, options.tracking, /*seed=*/1);
   if (!pose || static_cast<int>(pose->inliers.size()) < options.min_inliers) return std::nullopt;
 
   const auto in_sight = std::count_if(snapshot.landmarks.begin(), snapshot.landmarks.end(),
@@ -220,7 +217,7 @@ std::vector<KeyframeId> LoopDetector::RankByPosition(const Map& map,
     } else if (index_) {
       continue;
     }
-    if (IsPossible(keyframe, other)) near.emplace_back(distance_m, id);
+    near.emplace_back(distance_m, id);
   }
   std::sort(near.begin(), near.end());
   std::vector<KeyframeId> ranked;

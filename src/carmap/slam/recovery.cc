@@ -4,8 +4,9 @@
 #include <absl/container/btree_set.h>
 
 #include <algorithm>
-#include <numeric>
 #include <utility>
+
+#include "carmap/localize/relocalization.h"
 
 namespace carmap {
 namespace {
@@ -15,8 +16,7 @@ namespace {
 std::optional<TrackedPose> TryPlace(const MapSnapshot& snapshot, const Rigid3& camera_from_map,
                                     const FeatureGrid& grid, const StereoRig& rig,
                                     const RecoveryOptions& options) {
-  std::vector<uint32_t> landmark_idxs(snapshot.landmarks.size());
-  std::iota(landmark_idxs.begin(), landmark_idxs.end(), 0u);
+  const std::vector<uint32_t> landmark_idxs = AllLandmarks(snapshot);
   TrackingOptions wide = options.tracking;
   wide.first_radius_px = options.position_radius_px;
   auto pose = TrackByProjection(snapshot, landmark_idxs, grid, rig, camera_from_map, wide);
@@ -50,15 +50,6 @@ std::optional<FoundPlace> FirstAgreeing(const Map& map, const std::vector<Keyfra
   return std::nullopt;
 }
 
-/// Features that stand for the frame: evenly spread over the extraction order, hence over levels.
-std::vector<Descriptor> SampleDescriptors(const std::vector<Feature>& features, size_t max_count) {
-  const size_t count = std::min(features.size(), max_count);
-  std::vector<Descriptor> sample;
-  for (size_t i = 0; i < count; ++i)
-    sample.push_back(features[i * features.size() / count].descriptor);
-  return sample;
-}
-
 /// The candidates by how many of the frame's features resemble, more than anything else in their
 /// sight, a landmark that they see.
 std::vector<KeyframeId> RankByAppearance(const Map& map, const std::vector<KeyframeId>& candidates,
@@ -74,7 +65,8 @@ std::vector<KeyframeId> RankByAppearance(const Map& map, const std::vector<Keyfr
   }
   std::vector<const Landmark*> landmarks;
   for (const LandmarkId& id : landmark_ids) landmarks.push_back(map.Find(id));
-  for (const Descriptor& descriptor : SampleDescriptors(features, options.ranking_features)) {
+  for (const uint32_t feature_idx : SampleFeatures(features.size(), options.ranking_features)) {
+    const Descriptor& descriptor = features[feature_idx].descriptor;
     int best = options.max_ranking_bits + 1;
     const Landmark* voted = nullptr;
     for (const Landmark* landmark : landmarks) {

@@ -3,18 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <numeric>
 
 #include "carmap/localize/motion_model.h"
 
 namespace carmap {
 namespace {
-
-std::vector<uint32_t> AllLandmarks(const MapSnapshot& map) {
-  std::vector<uint32_t> idxs(map.landmarks.size());
-  std::iota(idxs.begin(), idxs.end(), 0u);
-  return idxs;
-}
 
 const SnapshotKeyframe* Find(const MapSnapshot& map, KeyframeId id) {
   for (const SnapshotKeyframe& keyframe : map.keyframes) {

@@ -51,6 +51,15 @@ PoseGraph Odometry(const std::vector<Rigid3>& truth, double noise_sigmas, TestRa
   return graph;
 }
 
+/// From the second round, every so many poses, back to the first.
+void AddLoops(const std::vector<Rigid3>& truth, uint32_t poses_a_round, uint32_t step,
+              double noise_sigmas, TestRandom& random, PoseGraph& graph) {
+  for (uint32_t i = poses_a_round; i < truth.size(); i += step) {
+    graph.edges.push_back(MeasureEdge(truth, i - poses_a_round, i, noise_sigmas, random));
+    graph.edges.back().is_robust = true;
+  }
+}
+
 double WorstDistance(const std::vector<Rigid3>& a, const std::vector<Rigid3>& b) {
   double worst = 0;
   for (size_t i = 0; i < a.size(); ++i) worst = std::max(worst, DistanceBetween(a[i], b[i]));
@@ -100,10 +109,7 @@ TEST(PoseGraphTest, RecoversTheTruthExactlyWithoutNoise) {
   TestRandom random(1);
   const std::vector<Rigid3> truth = DriveRounds(150, 100);
   PoseGraph graph = Odometry(truth, 0, random);
-  for (uint32_t i = 100; i < 150; i += 10) {
-    graph.edges.push_back(MeasureEdge(truth, i - 100, i, 0, random));
-    graph.edges.back().is_robust = true;
-  }
+  AddLoops(truth, 100, 10, 0, random, graph);
   for (size_t i = 1; i < truth.size(); ++i) {
     graph.camera_from_map[i] = Perturb(truth[i], random.Tangent(1, 0.05));
   }
@@ -121,10 +127,7 @@ TEST(PoseGraphTest, ALoopTakesDriftAway) {
     const std::vector<Rigid3> truth = DriveRounds(420, 400);
     PoseGraph graph = Odometry(truth, 1, random);
     before += WorstDistance(graph.camera_from_map, truth);
-    for (uint32_t i = 400; i < 420; i += 5) {
-      graph.edges.push_back(MeasureEdge(truth, i - 400, i, 1, random));
-      graph.edges.back().is_robust = true;
-    }
+    AddLoops(truth, 400, 5, 1, random, graph);
     const PoseGraphSummary summary = SolvePoseGraph(graph);
     after += WorstDistance(graph.camera_from_map, truth);
     EXPECT_LT(DistanceBetween(graph.camera_from_map[400], truth[400]), 0.1) << seed;
@@ -257,10 +260,7 @@ TEST(PoseGraphTest, SameBitsTwiceAndOfTwoThousandPoses) {
   TestRandom random(11);
   const std::vector<Rigid3> truth = DriveRounds(2500, 2000);
   PoseGraph first = Odometry(truth, 1, random);
-  for (uint32_t i = 2000; i < 2500; i += 20) {
-    first.edges.push_back(MeasureEdge(truth, i - 2000, i, 1, random));
-    first.edges.back().is_robust = true;
-  }
+  AddLoops(truth, 2000, 20, 1, random, first);
   PoseGraph second = first;
   const double before = WorstDistance(first.camera_from_map, truth);
   SolvePoseGraph(first);
