@@ -16,6 +16,7 @@
 #include "carmap/base/progress.h"
 #include "carmap/base/status_macros.h"
 #include "carmap/base/stopwatch.h"
+#include "carmap/dataset/camera_replay.h"
 #include "carmap/dataset/kitti_drive.h"
 #include "carmap/dataset/world_frame.h"
 #include "carmap/eval/georeferenced_error.h"
@@ -35,6 +36,7 @@ namespace {
 struct Arguments {
   std::string drive, out, vocabulary, trajectory, report, picture;
   FrameRange range;
+  std::optional<double> replay_hz;
   bool sequential = false, no_loops = false;
 };
 
@@ -47,9 +49,11 @@ struct Run {
   double wall_s = 0, peak_rss_mb = 0;
   std::optional<TrajectoryEvaluation> evaluation;
   std::optional<Summary> georeferenced_error_m;
+  size_t dropped_frames = 0;  ///< in a replay
 };
 
-absl::StatusOr<MappedDrive> MapWithProgress(KittiDrive& drive, const Arguments& arguments) {
+absl::StatusOr<MappedDrive> MapWithProgress(FrameSource& drive, DriveId id,
+                                            const Arguments& arguments) {
   MapDriveOptions options;
   options.sequential = arguments.sequential;
   options.loops.close_loops = !arguments.no_loops;
@@ -60,7 +64,7 @@ absl::StatusOr<MappedDrive> MapWithProgress(KittiDrive& drive, const Arguments& 
     options.vocabulary = std::make_shared<const Vocabulary>(std::move(vocabulary));
   }
   Progress progress("mapping", drive.frame_count());
-  auto mapped = MapDrive(drive, drive.id(), options, [&](size_t frames, size_t keyframes) {
+  auto mapped = MapDrive(drive, id, options, [&](size_t frames, size_t keyframes) {
     progress.Update(frames, Count(keyframes, "keyframe"));
   });
   if (!mapped.ok()) return WithName(arguments.drive, mapped.status());
@@ -81,11 +85,22 @@ absl::StatusOr<std::optional<Summary>> GeoreferencedError(const MappedDrive& map
   return Summarize(*errors_m);
 }
 
+absl::Status MapFrames(KittiDrive& drive, const Arguments& arguments, Run& run) {
+  if (!arguments.replay_hz) {
+    CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(drive, drive.id(), arguments));
+    return absl::OkStatus();
+  }
+  CameraReplay replay(drive, {.rate_hz = *arguments.replay_hz});
+  CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(replay, drive.id(), arguments));
+  run.dropped_frames = replay.dropped_count();
+  return absl::OkStatus();
+}
+
 /// Maps the drive and writes the map: what the reported time and memory are of.
 absl::StatusOr<Run> MapAndWrite(KittiDrive& drive, const Arguments& arguments,
                                 const Stopwatch& watch) {
   Run run;
-  CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(drive, arguments));
+  CARMAP_RETURN_IF_ERROR(MapFrames(drive, arguments, run));
   run.stripped = Strip(run.mapped.map, {drive.id(), run.mapped.rig});
   if (run.mapped.georeference) ReplaceFixes(*run.mapped.georeference, run.stripped.lean);
   const auto bytes = EncodeLeanMap(run.stripped.lean);
@@ -139,7 +154,8 @@ void AddErrors(const TrajectoryEvaluation& evaluation, nlohmann::ordered_json& r
   report.update(errors);
 }
 
-nlohmann::ordered_json ToJson(const Run& run, size_t frames, const CompositionBytes& composition) {
+nlohmann::ordered_json ToJson(const Run& run, size_t frames, const Arguments& arguments,
+                              const CompositionBytes& composition) {
   const LeanMap& lean = run.stripped.lean;
   const double bytes = static_cast<double>(run.lean_bytes);
   const Eigen::Vector3d& bias = run.mapped.rig.disparity_bias.coefficients_px;
@@ -157,6 +173,9 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const CompositionBy
   report["peak_rss_mb"] = run.peak_rss_mb;
   report["frame_ms"] = ToJson(Summarize(run.mapped.frame_ms));
   report["stage_ms"] = MeanStageMs(run, frames);
+  if (arguments.replay_hz) {
+    report["replay"] = {{"rate_hz", *arguments.replay_hz}, {"dropped_frames", run.dropped_frames}};
+  }
   report["composition_bytes"] = {{"full", composition.full},
                                  {"no_index", composition.no_index},
                                  {"no_keyframe_features", composition.no_keyframe_features},
@@ -206,6 +225,10 @@ void PrintSummary(const Run& run, size_t frames, const Arguments& arguments) {
              frames - run.mapped.lost_frames.size(), Count(frames, "frame"), run.path_length_m,
              run.wall_s);
   fmt::print("frame         {} ms\n", ToText(Summarize(run.mapped.frame_ms), 1));
+  if (arguments.replay_hz) {
+    fmt::print("replay        at {} Hz, {} dropped\n", *arguments.replay_hz,
+               Count(run.dropped_frames, "frame"));
+  }
   fmt::print("map           {}, {}, {}, {}\n", arguments.out, BytesText(bytes),
              Count(lean.keyframes.size(), "keyframe"), Count(lean.landmarks.size(), "landmark"));
   if (!run.mapped.loops.empty()) {
@@ -246,7 +269,8 @@ absl::StatusOr<ExitCode> RunMap(const Arguments& arguments) {
   if (!arguments.report.empty()) {
     CARMAP_ASSIGN_OR_RETURN(const CompositionBytes composition,
                             MeasureComposition(run.mapped.map, run.stripped));
-    CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, ToJson(run, frames, composition)));
+    CARMAP_RETURN_IF_ERROR(
+        WriteReport(arguments.report, ToJson(run, frames, arguments, composition)));
   }
   if (!arguments.picture.empty()) {
     CARMAP_RETURN_IF_ERROR(WritePicture(run, drive->truth(), arguments));
@@ -280,6 +304,12 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
   command->add_flag("--sequential", arguments->sequential,
                     "Work on one stage at a time. The same drive gives the same map, byte by byte, "
                     "with this and without");
+  command
+      ->add_option("--replay", arguments->replay_hz,
+                   "Feed frames at this rate, as a camera would, to see whether the machine keeps "
+                   "up: it holds three; what comes beyond is dropped")
+      ->check(CLI::Range(0.1, 1000.0))
+      ->type_name("HZ");
   command->add_flag("--no-loops", arguments->no_loops,
                     "Leave loops open, to see how far the vehicle drifts");
   command

@@ -16,6 +16,7 @@ nlohmann::ordered_json ToJson(const Summary& summary) {
   return {{"median", summary.median},
           {"mean", summary.mean},
           {"p95", summary.p95},
+          {"p99", summary.p99},
           {"max", summary.max}};
 }
 

@@ -13,7 +13,7 @@
 
 namespace carmap {
 
-/// {median mean p95 max}
+/// {median mean p95 p99 max}
 nlohmann::ordered_json ToJson(const Summary& summary);
 
 /// Null if there is nothing to divide by.

@@ -58,6 +58,7 @@ TEST(SummaryTest, GivesNearestRanks) {
   EXPECT_EQ(summary.median, 2);
   EXPECT_EQ(summary.mean, 2.5);
   EXPECT_EQ(summary.p95, 4);
+  EXPECT_EQ(summary.p99, 4);
   EXPECT_EQ(summary.max, 4);
   EXPECT_EQ(Summarize({}).max, 0);
 }

@@ -16,6 +16,7 @@ Summary Summarize(std::vector<double> values) {
   return {.median = nearest_rank(0.5),
           .mean = std::accumulate(values.begin(), values.end(), 0.0) / count,
           .p95 = nearest_rank(0.95),
+          .p99 = nearest_rank(0.99),
           .max = values.back()};
 }
 
