@@ -1,8 +1,11 @@
 #!/usr/bin/env bash
 # Simulates drives along real KITTI paths, maps each with loops left open, with loops closed, and
-# with GPS, and prints the figures as a table, which is also left in build/evaluate_slam.md.
+# with GPS; a drive of five rounds on one road, mapped after one and after all; and a drive at KITTI's
+# own image size, fed as by a camera of 20 Hz. Prints the figures as tables, which are also left in
+# build/evaluate_slam.md.
 #
-#   scripts/evaluate_slam.sh [PATH...]     paths by their numbers; default: 07 06 05 00
+#   scripts/evaluate_slam.sh [PATH...]     paths by their numbers, `rounds` and `replay`;
+#                                          default: rounds replay 07 06 05 00
 #
 # SIZE=WxH is the images' size. Drives are kept in build/slam_drives; an interrupted run goes on
 # where it stopped. Remove them after the simulator changed.
@@ -19,14 +22,13 @@ out=build/evaluate_slam
 table=build/evaluate_slam.md
 # A loop is false if its two keyframes are farther apart than this.
 max_loop_m=20
-(($# > 0)) || set -- 07 06 05 00
+(($# > 0)) || set -- rounds replay 07 06 05 00
 mkdir -p "$drives" "$out"
 
-simulate() { # PATH DRIVE
-  local scene=suburb
-  [[ "$1" != 05 ]] || scene=downtown
-  "$carmap" simulate --out "$2" --scene "$scene" --path "$poses/$1.txt" --traffic moving \
-    --gps urban --size "$size"
+simulate() { # PATH_FILE DRIVE SCENE [OPTION...]
+  local path="$1" drive="$2" scene="$3"
+  shift 3
+  "$carmap" simulate --out "$drive" --scene "$scene" --path "$path" --traffic moving --gps urban "$@"
 }
 
 # A drive without gps.txt, of links to the one with it.
@@ -58,6 +60,11 @@ false_loops() { # REPORT POSES
     END { print count + 0 }' "$2" <(closed_loops "$1")
 }
 
+header() { # COLUMN...
+  [[ ! -s "$table" ]] || echo >>"$table"
+  { printf '| %s ' "$@" && echo '|' && printf '|%.0s---' "$@" && echo '|'; } >>"$table"
+}
+
 row() { # PATH DRIVE HOW REPORT
   local report="$4"
   echo "| $1 | $3 | $(json_number "$report" tracked_frames)/$(json_number "$report" frames) |\
@@ -69,39 +76,91 @@ row() { # PATH DRIVE HOW REPORT
  $(rounded "$(json_number "$report" georeferenced_error_m mean)" 2) |\
  $(rounded "$(json_number "$report" georeferenced_error_m max)" 2) |\
  $(rounded "$(json_number "$report" frame_ms median)" 1) |\
- $(rounded "$(json_number "$report" frame_ms p95)" 1) |\
- $(rounded "$(json_number "$report" peak_rss_mb)" 0) |"
+ $(rounded "$(json_number "$report" frame_ms p99)" 1) |\
+ $(rounded "$(json_number "$report" peak_rss_mb)" 0) |" >>"$table"
 }
 
-rows=()
-for path; do
-  if [[ ! -f "$poses/$path.txt" ]]; then
-    echo "evaluate-slam: $poses/$path.txt: no such file; path $path is left out" >&2
-    continue
-  fi
-  drive="$drives/${path}_$size"
-  simulate "$path" "$drive"
-  name="${path}_$size"
+# A camera's poses on five rounds of a street round a block: 100 m by 60 m with round corners.
+rounds_path() {
+  awk 'BEGIN {
+    pi = atan2(0, -1); radius = 14; long = 100 - 2 * radius; short = 60 - 2 * radius
+    arc = radius * pi / 2; round = 2 * (long + short + 2 * arc)
+    for (s = 0; s < 5 * round + 10; s += 0.8) {
+      left = s - round * int(s / round); x = z = heading = 0
+      for (side = 0; left > 0; ++side) {
+        straight = side % 2 ? short : side == 2 ? long : long / 2
+        step = left < straight ? left : straight
+        x += step * sin(heading); z += step * cos(heading); left -= step
+        step = left < arc ? left : arc; turned = heading + step / radius
+        x += radius * (cos(heading) - cos(turned)); z += radius * (sin(turned) - sin(heading))
+        heading = turned; left -= step
+      }
+      c = cos(heading); h = sin(heading)
+      printf "%.6f 0 %.6f %.6f 0 1 0 0 %.6f 0 %.6f %.6f\n", c, h, x, -h, c, z
+    }
+  }'
+}
+
+evaluate_rounds() {
+  local drive="$drives/rounds_$size" frames
+  rounds_path >"$drives/rounds.txt"
+  simulate "$drives/rounds.txt" "$drive" suburb --size "$size"
+  frames="$(wc -l <"$drive/poses.txt")"
+  link_without_gps "$drive" "$out/rounds_$size"
+  map_drive "$out/rounds_$size" rounds_1 --last $((frames / 5 + 10))
+  map_drive "$out/rounds_$size" rounds_5
+  header "rounds, $size" keyframes landmarks "lean MB" "peak MB" "ATE m"
+  local rounds report
+  for rounds in 1 5; do
+    report="$out/rounds_$rounds.json"
+    echo "| $rounds | $(json_number "$report" keyframes) | $(json_number "$report" landmarks) |\
+ $(awk '{ printf "%.2f", $1 / 1e6 }' <<<"$(json_number "$report" lean_bytes)") |\
+ $(rounded "$(json_number "$report" peak_rss_mb)" 0) |\
+ $(rounded "$(json_number "$report" ate_rmse_m)" 3) |" >>"$table"
+  done
+}
+
+evaluate_replay() {
+  local drive="$drives/replay" report="$out/replay.json"
+  simulate "$poses/07.txt" "$drive" suburb --size 1241x376 --frames 300
+  map_drive "$drive" replay --replay 20
+  header "replay at Hz, 1241x376" frames dropped "ms a frame, median" p99 max
+  echo "| $(json_number "$report" replay rate_hz) | $(json_number "$report" frames) |\
+ $(json_number "$report" replay dropped_frames) |\
+ $(rounded "$(json_number "$report" frame_ms median)" 1) |\
+ $(rounded "$(json_number "$report" frame_ms p99)" 1) |\
+ $(rounded "$(json_number "$report" frame_ms max)" 1) |" >>"$table"
+}
+
+evaluate_path() { # PATH
+  local path="$1" drive="$drives/$1_$size" name="$1_$size" scene=suburb
+  [[ "$path" != 05 ]] || scene=downtown
+  simulate "$poses/$path.txt" "$drive" "$scene" --size "$size"
   link_without_gps "$drive" "$out/$name"
   map_drive "$out/$name" "${name}_open" --no-loops
   map_drive "$out/$name" "${name}_closed"
   map_drive "$drive" "${name}_gps"
-  rows+=("$(row "$path" "$drive" "loops left open" "$out/${name}_open.json")"
-    "$(row "$path" "$drive" "loops closed" "$out/${name}_closed.json")"
-    "$(row "$path" "$drive" "loops closed, GPS" "$out/${name}_gps.json")")
-done
+  header "path, $size" how tracked "path m" loops false rejected "ATE m" "t_rel %" \
+    "on Earth m, mean" max "ms a frame, median" p99 "peak MB"
+  row "$path" "$drive" "loops left open" "$out/${name}_open.json"
+  row "$path" "$drive" "loops closed" "$out/${name}_closed.json"
+  row "$path" "$drive" "loops closed, GPS" "$out/${name}_gps.json"
+}
 
-if ((${#rows[@]} == 0)); then
-  echo "evaluate-slam: $poses: none of the paths $*; name a folder with kitti_poses:" \
-    "CARMAP_DATA=FOLDER make evaluate-slam" >&2
-  exit 1
-fi
-{
-  echo "| path, $size | how | tracked | path m | loops | false | rejected | ATE m | t_rel % |\
- on Earth m, mean | max | ms a frame, median | p95 | peak MB |"
-  echo "|---|---|---|---|---|---|---|---|---|---|---|---|---|---|"
-  printf '%s\n' "${rows[@]}"
-} >"$table"
+: >"$table"
+for path; do
+  recorded="$poses/${path/replay/07}.txt"
+  if [[ "$path" != rounds && ! -f "$recorded" ]]; then
+    echo "evaluate-slam: $recorded: no such file, so $path is left out; name a folder with" \
+      "kitti_poses: CARMAP_DATA=FOLDER make evaluate-slam" >&2
+    continue
+  fi
+  case "$path" in
+    rounds | replay) "evaluate_$path" ;;
+    *) evaluate_path "$path" ;;
+  esac
+done
+[[ -s "$table" ]] || exit 1
 echo
 cat "$table"
 echo

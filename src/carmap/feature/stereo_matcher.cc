@@ -72,6 +72,21 @@ std::optional<int> SearchRow(const PatchRows& patch, const cv::Mat& right, int y
 constexpr int kLanes = 16;
 using PatchValues = std::array<std::array<float, kLanes>, kSide>;
 
+/// The middle counts most: what lies around a corner is often nearer or farther than it, and would
+/// draw its disparity there. Zero beyond the patch.
+PatchValues MakeWeights() {
+  constexpr double kSigmaPx = 2.5;
+  PatchValues weights{};
+  for (int row = 0; row < kSide; ++row) {
+    for (int i = 0; i < kSide; ++i) {
+      const double square_px = std::pow(row - kRadius, 2) + std::pow(i - kRadius, 2);
+      weights[row][i] = static_cast<float>(std::exp(-square_px / (2 * kSigmaPx * kSigmaPx)));
+    }
+  }
+  return weights;
+}
+const PatchValues kWeights = MakeWeights();
+
 float Sum(const std::array<float, kLanes>& lanes) {
   return std::accumulate(lanes.begin(), lanes.end(), 0.0f);
 }
@@ -82,27 +97,28 @@ class PatchTemplate {
  public:
   PatchTemplate(const cv::Mat& image, int x, int y) {
     const auto step = static_cast<ptrdiff_t>(image.step[0]);
-    std::array<std::array<float, kLanes>, 5> sums{};
+    std::array<std::array<float, kLanes>, 6> sums{};
     for (int row = 0; row < kSide; ++row) {
       const uint8_t* p = image.ptr<uint8_t>(y - kRadius + row, x - kRadius);
-      auto& gx = gradient_x_[row];
-      auto& gy = gradient_y_[row];
       for (int i = 0; i < kLanes; ++i) {
-        const float inside = i < kSide ? 1.0f : 0.0f;
+        const float weight = kWeights[row][i];
+        const float gx = 0.5f * static_cast<float>(p[i + 1] - p[i - 1]);
+        const float gy = 0.5f * static_cast<float>(p[i + step] - p[i - step]);
         grey_[row][i] = p[i];
-        gx[i] = inside * 0.5f * static_cast<float>(p[i + 1] - p[i - 1]);
-        gy[i] = inside * 0.5f * static_cast<float>(p[i + step] - p[i - step]);
-        sums[0][i] += gx[i] * gx[i];
-        sums[1][i] += gx[i] * gy[i];
-        sums[2][i] += gy[i] * gy[i];
-        sums[3][i] += gx[i];
-        sums[4][i] += gy[i];
+        weighted_gx_[row][i] = weight * gx;
+        weighted_gy_[row][i] = weight * gy;
+        sums[0][i] += weight * gx * gx;
+        sums[1][i] += weight * gx * gy;
+        sums[2][i] += weight * gy * gy;
+        sums[3][i] += weight * gx;
+        sums[4][i] += weight * gy;
+        sums[5][i] += weight;
       }
     }
     const float xx = Sum(sums[0]), xy = Sum(sums[1]), yy = Sum(sums[2]), x1 = Sum(sums[3]),
-                y1 = Sum(sums[4]);
+                y1 = Sum(sums[4]), all = Sum(sums[5]);
     Eigen::Matrix3f normal;
-    normal << xx, xy, x1, xy, yy, y1, x1, y1, kSide * kSide;
+    normal << xx, xy, x1, xy, yy, y1, x1, y1, all;
     inverse_ = (normal + 1e-3f * Eigen::Matrix3f::Identity()).inverse();
   }
 
@@ -117,12 +133,11 @@ class PatchTemplate {
       const uint8_t* a = image.ptr<uint8_t>(y0 - kRadius + row, x0 - kRadius);
       const uint8_t* b = a + image.step[0];
       for (int i = 0; i < kLanes; ++i) {
-        const float inside = i < kSide ? 1.0f : 0.0f;
         const float error =
             grey_[row][i] - (w00 * a[i] + w01 * a[i + 1] + w10 * b[i] + w11 * b[i + 1]);
-        sums[0][i] += error * gradient_x_[row][i];
-        sums[1][i] += error * gradient_y_[row][i];
-        sums[2][i] += error * inside;
+        sums[0][i] += error * weighted_gx_[row][i];
+        sums[1][i] += error * weighted_gy_[row][i];
+        sums[2][i] += error * kWeights[row][i];
       }
     }
     return (inverse_ * Eigen::Vector3f(Sum(sums[0]), Sum(sums[1]), Sum(sums[2])))
@@ -131,7 +146,7 @@ class PatchTemplate {
   }
 
  private:
-  PatchValues grey_, gradient_x_, gradient_y_;
+  PatchValues grey_, weighted_gx_, weighted_gy_;
   Eigen::Matrix3f inverse_;
 };
 

@@ -94,6 +94,28 @@ TEST(MatchStereo, IsHardlyBiasedAtAnyFractionOfAPixel) {
   }
 }
 
+TEST(MatchStereo, WhatLiesBehindHardlyDrawsTheDisparity) {
+  constexpr int kWidthPx = 8, kFarPx = 20, kNearPx = 22;
+  const Wall far(640, 240, 5), near(640, 240, 6);
+  cv::Mat left = far.Moved(0), right = far.Moved(5 * kFarPx);
+  const cv::Mat near_left = near.Moved(0), near_right = near.Moved(5 * kNearPx);
+  for (int x = 60; x < 600; x += 40) {
+    const cv::Rect post(x, 0, kWidthPx, left.rows), seen_right = post - cv::Point(kNearPx, 0);
+    near_left(post).copyTo(left(post));
+    near_right(seen_right).copyTo(right(seen_right));
+  }
+  double sum = 0, count = 0;
+  for (const Feature& feature : Match(left, right)) {
+    const int on_post = (static_cast<int>(feature.x_px) - 60 + 40) % 40;
+    if (feature.level > 0 || !feature.has_disparity() || on_post < 2 || on_post >= kWidthPx - 2)
+      continue;
+    sum += feature.disparity_px - kNearPx;
+    ++count;
+  }
+  EXPECT_GT(count, 30);
+  EXPECT_NEAR(sum / count, 0, 0.17) << "posts narrower than the patch";
+}
+
 TEST(MatchStereo, RefusesRowsThatAreTooFarApart) {
   const cv::Mat left = Texture(640, 240, 4, 45);
   cv::Mat right(left.size(), CV_8UC1, cv::Scalar(128));

@@ -3,6 +3,7 @@
 #include <absl/container/btree_map.h>
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <numeric>
 
@@ -311,15 +312,23 @@ Eigen::Vector3d LocalMapper::Triangulate(const Keyframe& keyframe, const Feature
 MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) {
   MapBundle problem =
       MakeMapBundle(map_, rig_, options_.noise, window, SharedLandmarks(map_, window));
-  BundleOptions bundle_options = options_.bundle;
-  bundle_options.estimate_disparity_bias = window.size() >= options_.min_calibrating_keyframes;
-  bundle_options.bias_step_sigma_px = options_.bias_step_sigma_rad * rig_.camera.fx;
-  bundle_options.max_bias_px = options_.max_bias_rad * rig_.camera.fx;
-  const BundleSummary summary = AdjustBundle(problem.bundle, bundle_options);
+  const BundleSummary summary = AdjustBundle(problem.bundle, OptionsFor(window));
   rig_ = problem.bundle.rig;
   MapEdit edit = EditOf(problem, summary);
   MoveLoneLandmarks(edit);
   return edit;
+}
+
+BundleOptions LocalMapper::OptionsFor(const std::vector<KeyframeId>& window) {
+  const BiasOptions& bias = options_.bias;
+  BundleOptions bundle = options_.bundle;
+  bundle.estimate_disparity_bias = window.size() >= bias.min_keyframes;
+  if (!bundle.estimate_disparity_bias) return bundle;
+  const double settled = static_cast<double>(bias_adjustments_++) / bias.settling_adjustments;
+  bundle.bias_step_sigma_px = std::max(1 / std::sqrt(1 + settled), bias.min_step_ratio) *
+                              bias.step_sigma_rad * rig_.camera.fx;
+  bundle.max_bias_px = bias.max_rad * rig_.camera.fx;
+  return bundle;
 }
 
 /// Landmarks that only one keyframe saw go along with it.

@@ -27,16 +27,23 @@
 
 namespace carmap {
 
+/// How the rig's disparity bias is looked for. Angles, to suit any image size.
+struct BiasOptions {
+  size_t min_keyframes = 5;      ///< in the window
+  double step_sigma_rad = 1e-4;  ///< how far an adjustment may move its coefficients at first
+  /// A rig stays as it is: after so many adjustments steps become smaller, as those of a mean do,
+  /// down to a part that lets it follow what changes slowly.
+  double settling_adjustments = 5, min_step_ratio = 0.1;
+  double max_rad = 0.7e-3;  ///< bound on each; half a pixel at a focal length of 700
+};
+
 struct LocalMapperOptions {
   MeasurementNoise noise;
   WindowOptions window;               ///< adjusted together, and offered to the tracker
   double min_new_disparity_px = 1.5;  ///< of a feature that becomes a landmark
   size_t trial_keyframes = 3;         ///< a landmark this many keyframes old ...
   size_t min_trial_observations = 3;  ///< ... must have been seen by this many, or goes
-  size_t min_calibrating_keyframes =
-      5;  ///< in the window, for the rig's disparity bias to be estimated
-  double bias_step_sigma_rad = 1e-4;  ///< see BundleOptions; as angles, to suit any image size
-  double max_bias_rad = 0.7e-3;       ///< half a pixel at a focal length of 700
+  BiasOptions bias;
   BundleOptions bundle;
   KeyframeCullingOptions culling;
   RecoveryOptions recovery;
@@ -112,11 +119,13 @@ class LocalMapper {
   MapEdit LeavePart();
   std::vector<KeyframeId> KeyframesBefore(std::optional<KeyframeId> end) const;
   MapEdit AdjustWindow(const std::vector<KeyframeId>& window);
+  BundleOptions OptionsFor(const std::vector<KeyframeId>& window);
   void MoveLoneLandmarks(MapEdit& edit) const;
   Eigen::Vector3d Triangulate(const Keyframe& keyframe, const Feature& feature) const;
   void Carry(const char* step, const MapEdit& edit, double elapsed_ms);
 
   StereoRig rig_;
+  size_t bias_adjustments_ = 0;  ///< that estimated its disparity bias
   const DriveId drive_id_;
   const LocalMapperOptions options_;
   Map map_;

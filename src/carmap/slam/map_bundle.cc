@@ -5,6 +5,24 @@
 #include <algorithm>
 
 namespace carmap {
+namespace {
+
+/// Nothing tells how far a landmark is that differs less between left and right.
+constexpr double kMinDisparityPx = 0.1;
+
+/// One entry a point: whether a camera sees it farther away than it can tell.
+std::vector<bool> PointsTooFar(const Bundle& bundle) {
+  const double max_depth_m = bundle.rig.DepthAt(kMinDisparityPx);
+  std::vector<bool> is_too_far(bundle.points_in_map.size(), false);
+  for (const BundleObservation& o : bundle.observations) {
+    const Eigen::Vector3d p =
+        bundle.camera_from_map[o.pose_idx] * bundle.points_in_map[o.point_idx];
+    if (!(p.z() < max_depth_m)) is_too_far[o.point_idx] = true;
+  }
+  return is_too_far;
+}
+
+}  // namespace
 
 std::vector<LandmarkId> SharedLandmarks(const Map& map, const std::vector<KeyframeId>& ids) {
   std::vector<LandmarkId> landmark_ids;
@@ -69,7 +87,12 @@ MapEdit EditOf(const MapBundle& adjusted, const BundleSummary& summary) {
     if (bundle.pose_is_fixed[i]) continue;
     edit.moved_keyframes.push_back({adjusted.keyframe_ids[i], bundle.camera_from_map[i].Inverse()});
   }
+  const std::vector<bool> is_too_far = PointsTooFar(bundle);
   for (size_t i = 0; i < adjusted.landmark_ids.size(); ++i) {
+    if (is_too_far[i]) {
+      edit.removed_landmarks.push_back(adjusted.landmark_ids[i]);
+      continue;
+    }
     edit.moved_landmarks.push_back({adjusted.landmark_ids[i], bundle.points_in_map[i]});
   }
   return edit;

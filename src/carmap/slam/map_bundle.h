@@ -34,8 +34,8 @@ MapBundle MakeMapBundle(const Map& map, const StereoRig& rig, const MeasurementN
 /// Ascending.
 std::vector<LandmarkId> SharedLandmarks(const Map& map, const std::vector<KeyframeId>& ids);
 
-/// Moves poses and points to where they are in `adjusted` and takes observations away that do not
-/// agree.
+/// Moves poses and points to where they are in `adjusted`, takes observations away that do not
+/// agree, and landmarks that went to where no disparity tells a distance.
 MapEdit EditOf(const MapBundle& adjusted, const BundleSummary& summary);
 
 }  // namespace carmap

@@ -103,5 +103,16 @@ TEST(MapBundle, EditMovesWhatIsFreeAndTakesOutliersAway) {
   EXPECT_TRUE(CheckConsistency(map).ok()) << CheckConsistency(map);
 }
 
+TEST(MapBundle, LandmarksAtNoDistanceThatCouldBeToldGo) {
+  Map map = MakeMap();
+  MapBundle problem = MakeMapBundle(map, kStreetRig, {}, {Frame(2), Frame(3)}, {Point(1)});
+  problem.bundle.points_in_map[0] *= 1e6;
+  const MapEdit edit = EditOf(problem, {.is_outlier = {false, false, false}});
+  EXPECT_THAT(edit.removed_landmarks, ElementsAre(Point(1)));
+  EXPECT_EQ(*Apply(edit, map), 0u);
+  EXPECT_EQ(map.Find(Point(1)), nullptr);
+  EXPECT_TRUE(CheckConsistency(map).ok()) << CheckConsistency(map);
+}
+
 }  // namespace
 }  // namespace carmap
