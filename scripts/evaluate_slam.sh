@@ -60,6 +60,22 @@ false_loops() { # REPORT POSES
     END { print count + 0 }' "$2" <(closed_loops "$1")
 }
 
+# How many times the vehicle comes back to where it was: less than 5 m from a place that it passed 60 m
+# ago or more, and in about the same direction. What is less than 30 frames apart is one time.
+revisits() { # POSES
+  awk '
+    { x[NR] = $4; y[NR] = $8; z[NR] = $12; a[NR] = $3; b[NR] = $7; c[NR] = $11
+      if (NR > 1) s[NR] = s[NR - 1] + sqrt((x[NR] - x[NR-1])^2 + (y[NR] - y[NR-1])^2 + (z[NR] - z[NR-1])^2)
+      for (i = 1; i < NR && s[i] < s[NR] - 60; ++i) {
+        if ((x[i] - x[NR])^2 + (y[i] - y[NR])^2 + (z[i] - z[NR])^2 > 25) continue
+        if (a[i] * a[NR] + b[i] * b[NR] + c[i] * c[NR] < 0.7) continue
+        if (!last || NR - last > 30) ++count
+        last = NR
+        break
+      } }
+    END { print count + 0 }' "$1"
+}
+
 header() { # COLUMN...
   [[ ! -s "$table" ]] || echo >>"$table"
   { printf '| %s ' "$@" && echo '|' && printf '|%.0s---' "$@" && echo '|'; } >>"$table"
@@ -69,7 +85,7 @@ row() { # PATH DRIVE HOW REPORT
   local report="$4"
   echo "| $1 | $3 | $(json_number "$report" tracked_frames)/$(json_number "$report" frames) |\
  $(rounded "$(json_number "$report" path_length_m)" 0) |\
- $(closed_loops "$report" | wc -l) | $(false_loops "$report" "$2/poses.txt") |\
+ $(revisits "$2/poses.txt") | $(closed_loops "$report" | wc -l) | $(false_loops "$report" "$2/poses.txt") |\
  $(json_number "$report" rejected_keyframes) |\
  $(rounded "$(json_number "$report" ate_rmse_m)" 3) |\
  $(rounded "$(json_number "$report" t_rel_100_800_percent)" 3) |\
@@ -140,7 +156,7 @@ evaluate_path() { # PATH
   map_drive "$out/$name" "${name}_open" --no-loops
   map_drive "$out/$name" "${name}_closed"
   map_drive "$drive" "${name}_gps"
-  header "path, $size" how tracked "path m" loops false rejected "ATE m" "t_rel %" \
+  header "path, $size" how tracked "path m" revisits loops false rejected "ATE m" "t_rel %" \
     "on Earth m, mean" max "ms a frame, median" p99 "peak MB"
   row "$path" "$drive" "loops left open" "$out/${name}_open.json"
   row "$path" "$drive" "loops closed" "$out/${name}_closed.json"

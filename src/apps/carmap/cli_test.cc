@@ -191,6 +191,17 @@ TEST_F(CliTest, MapsSequentiallyTheSameEachTime) {
   EXPECT_EQ(Read(work() / "a.cmap"), Read(work() / "b.cmap"));
 }
 
+TEST_F(CliTest, MapsAtTheRateOfACamera) {
+  const Result result = Run(
+      {"map", "../drive", "--last", "7", "--replay", "5", "--out", "m.cmap", "--report", "r.json"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("at 5 Hz, 0 frames dropped"));
+  const nlohmann::json report = ReadJson("r.json");
+  EXPECT_EQ(report["replay"]["dropped_frames"], 0);
+  EXPECT_GE(report["wall_s"].get<double>(), 7 / 5.0);
+  ExpectRefusedAtOnce({"map", "../drive", "--replay", "0", "--out", "m2.cmap"}, "--replay", 2);
+}
+
 TEST_F(CliTest, StitchesAndLocalizesInTheResult) {
   const Result stitch = Run({"stitch", "../base.cmap", "../segment.cmap", "--out", "road.cmap",
                              "--report", "stitch.json"});
@@ -730,6 +741,22 @@ TEST_F(RealDrive, LocalizesEachFrameInAStitchedMap) {
   const nlohmann::json report = ReadJson("r.json");
   EXPECT_EQ(report["localized_frames"], 51);
   EXPECT_LE(report["position_error_m"]["max"].get<double>(), 0.15);
+}
+
+/// Skipped where it is absent.
+TEST_F(CliTest, PutsARealDriveWithGpsOnTheEarth) {
+  const char* data = std::getenv("CARMAP_DATA");
+  const std::string drive =
+      fs::absolute(fs::path(data ? data : CARMAP_DATA_DIR) / "kitti_raw_2011_09_26_0001").string();
+  if (!fs::is_directory(drive)) GTEST_SKIP() << drive << " is absent";
+  const Result map = Run({"map", drive, "--out", "m.cmap", "--report", "r.json"});
+  ASSERT_EQ(map.exit_code, 0) << map.err;
+  const nlohmann::json report = ReadJson("r.json");
+  EXPECT_LT(report["georeference"]["fix_error_m"]["median"].get<double>(), 0.5);
+  EXPECT_NEAR(report["georeference"]["origin"]["latitude_deg"].get<double>(), 49, 0.1);
+  const auto lean = ReadLeanMap(work() / "m.cmap");
+  ASSERT_TRUE(lean.ok()) << lean.status();
+  for (const LeanKeyframe& keyframe : lean->keyframes) EXPECT_TRUE(keyframe.gps);
 }
 
 }  // namespace

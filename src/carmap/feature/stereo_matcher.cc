@@ -13,6 +13,8 @@
 #include <numeric>
 #include <optional>
 
+#include "carmap/feature/feature_grid.h"
+
 namespace carmap {
 namespace {
 
@@ -195,6 +197,32 @@ float FindDisparity(const Feature& feature, const ImagePyramid& left, const Imag
                                                : Feature::kNoDisparity;
 }
 
+/// A patch that shows what is nearer or farther too measures something between. Where a patch holds
+/// features of another depth, its own says nothing.
+void ForgetDepthsAtEdges(const cv::Size& size, const StereoOptions& options,
+                         std::vector<Feature>& features) {
+  const FeatureGrid grid(features, size.width, size.height);
+  std::vector<uint32_t> at_edge;
+  for (uint32_t i = 0; i < features.size(); ++i) {
+    const Feature& feature = features[i];
+    if (!feature.has_disparity()) continue;
+    const double scale = ScaleOfLevel(feature.level);
+    const double max_difference_px =
+        std::max(options.max_edge_ratio * feature.disparity_px, options.max_edge_px * scale);
+    bool is_at_edge = false;
+    grid.VisitNear(feature.x_px, feature.y_px, options.edge_radius_px * scale, [&](uint32_t other) {
+      is_at_edge |=
+          features[other].has_disparity() &&
+          std::abs(features[other].disparity_px - feature.disparity_px) > max_difference_px;
+    });
+    if (is_at_edge) at_edge.push_back(i);
+  }
+  const auto with_depth = static_cast<size_t>(std::count_if(
+      features.begin(), features.end(), [](const Feature& f) { return f.has_disparity(); }));
+  if (with_depth < at_edge.size() + options.min_depths) return;
+  for (const uint32_t i : at_edge) features[i].disparity_px = Feature::kNoDisparity;
+}
+
 }  // namespace
 
 void MatchStereo(const ImagePyramid& left, const ImagePyramid& right, const StereoRig& rig,
@@ -205,6 +233,7 @@ void MatchStereo(const ImagePyramid& left, const ImagePyramid& right, const Ster
       features[i].disparity_px = FindDisparity(features[i], left, right, rig, options, scratch);
     }
   });
+  ForgetDepthsAtEdges(left[0].size(), options, features);
 }
 
 }  // namespace carmap

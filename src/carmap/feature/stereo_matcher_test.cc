@@ -94,26 +94,59 @@ TEST(MatchStereo, IsHardlyBiasedAtAnyFractionOfAPixel) {
   }
 }
 
-TEST(MatchStereo, WhatLiesBehindHardlyDrawsTheDisparity) {
-  constexpr int kWidthPx = 8, kFarPx = 20, kNearPx = 22;
-  const Wall far(640, 240, 5), near(640, 240, 6);
-  cv::Mat left = far.Moved(0), right = far.Moved(5 * kFarPx);
-  const cv::Mat near_left = near.Moved(0), near_right = near.Moved(5 * kNearPx);
-  for (int x = 60; x < 600; x += 40) {
-    const cv::Rect post(x, 0, kWidthPx, left.rows), seen_right = post - cv::Point(kNearPx, 0);
-    near_left(post).copyTo(left(post));
-    near_right(seen_right).copyTo(right(seen_right));
+/// Posts in front of a wall, every 40 px from x = 60 on.
+struct Posts {
+  static constexpr int kWidthPx = 8, kWallPx = 20;  ///< the latter is the wall's disparity
+  explicit Posts(int disparity_px) {
+    const Wall wall(640, 240, 5), post(640, 240, 6);
+    left = wall.Moved(0);
+    right = wall.Moved(5 * kWallPx);
+    for (int x = 60; x < 600; x += 40) {
+      const cv::Rect in_left(x, 0, kWidthPx, left.rows);
+      const cv::Rect in_right = in_left - cv::Point(disparity_px, 0);
+      post.Moved(0)(in_left).copyTo(left(in_left));
+      post.Moved(5 * disparity_px)(in_right).copyTo(right(in_right));
+    }
   }
+  /// Of a column, from the left side of the post before, or of the first.
+  static int FromPost(float x_px) { return (static_cast<int>(x_px) + 20) % 40; }
+  cv::Mat left, right;
+};
+
+TEST(MatchStereo, WhatLiesBehindHardlyDrawsTheDisparity) {
+  constexpr int kNearPx = 21;
+  const Posts posts(kNearPx);
   double sum = 0, count = 0;
-  for (const Feature& feature : Match(left, right)) {
-    const int on_post = (static_cast<int>(feature.x_px) - 60 + 40) % 40;
-    if (feature.level > 0 || !feature.has_disparity() || on_post < 2 || on_post >= kWidthPx - 2)
+  for (const Feature& feature : Match(posts.left, posts.right)) {
+    const int from_post = Posts::FromPost(feature.x_px);
+    if (feature.level > 0 || !feature.has_disparity() || from_post < 2 ||
+        from_post >= Posts::kWidthPx - 2)
       continue;
     sum += feature.disparity_px - kNearPx;
     ++count;
   }
   EXPECT_GT(count, 30);
-  EXPECT_NEAR(sum / count, 0, 0.17) << "posts narrower than the patch";
+  EXPECT_NEAR(sum / count, 0, 0.1) << "posts narrower than the patch";
+}
+
+TEST(MatchStereo, GivesNoDepthAtTheEdgesOfThings) {
+  const Posts posts(30);
+  size_t beside = 0, beside_with_depth = 0, clear = 0, clear_with_depth = 0;
+  for (const Feature& feature : Match(posts.left, posts.right)) {
+    if (feature.level > 0 || feature.x_px < 60 || feature.x_px > 600) continue;
+    const int from_post = Posts::FromPost(feature.x_px);
+    if (from_post < Posts::kWidthPx + 3) {
+      ++beside;
+      beside_with_depth += feature.has_disparity();
+    } else if (from_post > Posts::kWidthPx + 12 && from_post < 40 - 12) {
+      ++clear;
+      clear_with_depth += feature.has_disparity();
+    }
+  }
+  EXPECT_GT(beside, 50);
+  EXPECT_LT(beside_with_depth, beside * 3 / 5);
+  EXPECT_GT(clear, 40);
+  EXPECT_GT(clear_with_depth, clear * 9 / 10);
 }
 
 TEST(MatchStereo, RefusesRowsThatAreTooFarApart) {

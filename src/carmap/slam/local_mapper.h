@@ -29,8 +29,8 @@ namespace carmap {
 
 /// How the rig's disparity bias is looked for. Angles, to suit any image size.
 struct BiasOptions {
-  size_t min_keyframes = 5;      ///< in the window
-  double step_sigma_rad = 1e-4;  ///< how far an adjustment may move its coefficients at first
+  size_t min_keyframes = 5;        ///< in the window
+  double step_sigma_rad = 1.5e-4;  ///< how far an adjustment may move its coefficients at first
   /// A rig stays as it is: after so many adjustments steps become smaller, as those of a mean do,
   /// down to a part that lets it follow what changes slowly.
   double settling_adjustments = 5, min_step_ratio = 0.1;
