@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
 # Simulates drives along real KITTI paths, maps each with loops left open, with loops closed, and
-# with GPS; a drive of five rounds on one road, mapped after one and after all; and a drive at KITTI's
-# own image size, fed as by a camera of 20 Hz. Prints the figures as tables, which are also left in
-# build/evaluate_slam.md.
+# with GPS; a drive of five rounds on one road, mapped after one and after all; and a drive at
+# KITTI's own image size, fed as by a camera of 20 Hz. Prints the figures as tables, which are also
+# left in build/evaluate_slam.md.
 #
 #   scripts/evaluate_slam.sh [PATH...]     paths by their numbers, `rounds` and `replay`;
 #                                          default: rounds replay 07 06 05 00
@@ -60,12 +60,13 @@ false_loops() { # REPORT POSES
     END { print count + 0 }' "$2" <(closed_loops "$1")
 }
 
-# How many times the vehicle comes back to where it was: less than 5 m from a place that it passed 60 m
-# ago or more, and in about the same direction. What is less than 30 frames apart is one time.
+# How many times the vehicle comes back to where it was: less than 5 m from a place that it passed
+# 60 m ago or more, and in about the same direction. What is less than 30 frames apart is one time.
 revisits() { # POSES
   awk '
     { x[NR] = $4; y[NR] = $8; z[NR] = $12; a[NR] = $3; b[NR] = $7; c[NR] = $11
-      if (NR > 1) s[NR] = s[NR - 1] + sqrt((x[NR] - x[NR-1])^2 + (y[NR] - y[NR-1])^2 + (z[NR] - z[NR-1])^2)
+      i = NR - 1
+      if (NR > 1) s[NR] = s[i] + sqrt((x[NR] - x[i])^2 + (y[NR] - y[i])^2 + (z[NR] - z[i])^2)
       for (i = 1; i < NR && s[i] < s[NR] - 60; ++i) {
         if ((x[i] - x[NR])^2 + (y[i] - y[NR])^2 + (z[i] - z[NR])^2 > 25) continue
         if (a[i] * a[NR] + b[i] * b[NR] + c[i] * c[NR] < 0.7) continue
@@ -81,11 +82,11 @@ header() { # COLUMN...
   { printf '| %s ' "$@" && echo '|' && printf '|%.0s---' "$@" && echo '|'; } >>"$table"
 }
 
-row() { # PATH DRIVE HOW REPORT
+row() { # PATH DRIVE HOW REPORT REVISITS
   local report="$4"
   echo "| $1 | $3 | $(json_number "$report" tracked_frames)/$(json_number "$report" frames) |\
  $(rounded "$(json_number "$report" path_length_m)" 0) |\
- $(revisits "$2/poses.txt") | $(closed_loops "$report" | wc -l) | $(false_loops "$report" "$2/poses.txt") |\
+ $5 | $(closed_loops "$report" | wc -l) | $(false_loops "$report" "$2/poses.txt") |\
  $(json_number "$report" rejected_keyframes) |\
  $(rounded "$(json_number "$report" ate_rmse_m)" 3) |\
  $(rounded "$(json_number "$report" t_rel_100_800_percent)" 3) |\
@@ -149,7 +150,7 @@ evaluate_replay() {
 }
 
 evaluate_path() { # PATH
-  local path="$1" drive="$drives/$1_$size" name="$1_$size" scene=suburb
+  local path="$1" drive="$drives/$1_$size" name="$1_$size" scene=suburb times
   [[ "$path" != 05 ]] || scene=downtown
   simulate "$poses/$path.txt" "$drive" "$scene" --size "$size"
   link_without_gps "$drive" "$out/$name"
@@ -158,9 +159,10 @@ evaluate_path() { # PATH
   map_drive "$drive" "${name}_gps"
   header "path, $size" how tracked "path m" revisits loops false rejected "ATE m" "t_rel %" \
     "on Earth m, mean" max "ms a frame, median" p99 "peak MB"
-  row "$path" "$drive" "loops left open" "$out/${name}_open.json"
-  row "$path" "$drive" "loops closed" "$out/${name}_closed.json"
-  row "$path" "$drive" "loops closed, GPS" "$out/${name}_gps.json"
+  times="$(revisits "$drive/poses.txt")"
+  row "$path" "$drive" "loops left open" "$out/${name}_open.json" "$times"
+  row "$path" "$drive" "loops closed" "$out/${name}_closed.json" "$times"
+  row "$path" "$drive" "loops closed, GPS" "$out/${name}_gps.json" "$times"
 }
 
 : >"$table"

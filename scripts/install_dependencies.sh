@@ -55,6 +55,7 @@ fi
 echo "Installing ${#missing[@]} Debian packages: ${missing[*]}"
 if ! "${as_root[@]}" apt-get update --quiet ||
   ! "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
-    apt-get install -o DPkg::Lock::Timeout=300 --quiet --yes --no-install-recommends "${missing[@]}"; then
+    apt-get install -o DPkg::Lock::Timeout=300 --quiet --yes --no-install-recommends \
+    "${missing[@]}"; then
   fail "apt-get failed (see above); needs the network and Debian 12 (bookworm)"
 fi

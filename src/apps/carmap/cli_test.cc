@@ -689,12 +689,17 @@ TEST_F(CliTest, RefusesTrajectoriesThatItCannotCompare) {
 
 // The real drive.
 
+/// Where it should be; it may be absent.
+std::string RealDriveFolder(const std::string& name) {
+  const char* data = std::getenv("CARMAP_DATA");
+  return fs::absolute(fs::path(data ? data : CARMAP_DATA_DIR) / name).string();
+}
+
 class RealDrive : public CliTest {
  protected:
   void SetUp() override {
     CliTest::SetUp();
-    const char* data = std::getenv("CARMAP_DATA");
-    drive_ = fs::absolute(fs::path(data ? data : CARMAP_DATA_DIR) / "kitti06_000-050").string();
+    drive_ = RealDriveFolder("kitti06_000-050");
     if (!fs::is_directory(drive_)) GTEST_SKIP() << drive_ << " is absent";
   }
 
@@ -745,9 +750,7 @@ TEST_F(RealDrive, LocalizesEachFrameInAStitchedMap) {
 
 /// Skipped where it is absent.
 TEST_F(CliTest, PutsARealDriveWithGpsOnTheEarth) {
-  const char* data = std::getenv("CARMAP_DATA");
-  const std::string drive =
-      fs::absolute(fs::path(data ? data : CARMAP_DATA_DIR) / "kitti_raw_2011_09_26_0001").string();
+  const std::string drive = RealDriveFolder("kitti_raw_2011_09_26_0001");
   if (!fs::is_directory(drive)) GTEST_SKIP() << drive << " is absent";
   const Result map = Run({"map", drive, "--out", "m.cmap", "--report", "r.json"});
   ASSERT_EQ(map.exit_code, 0) << map.err;

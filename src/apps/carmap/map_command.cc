@@ -85,6 +85,7 @@ absl::StatusOr<std::optional<Summary>> GeoreferencedError(const MappedDrive& map
   return Summarize(*errors_m);
 }
 
+/// As fast as it goes, or as a camera gives frames.
 absl::Status MapFrames(KittiDrive& drive, const Arguments& arguments, Run& run) {
   if (!arguments.replay_hz) {
     CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(drive, drive.id(), arguments));
@@ -303,7 +304,7 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
       ->type_name("M");
   command->add_flag("--sequential", arguments->sequential,
                     "Work on one stage at a time. The same drive gives the same map, byte by byte, "
-                    "with this and without");
+                    "with this and without, unless --replay drops frames");
   command
       ->add_option("--replay", arguments->replay_hz,
                    "Feed frames at this rate, as a camera would, to see whether the machine keeps "

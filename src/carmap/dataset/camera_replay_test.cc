@@ -5,33 +5,15 @@
 #include <thread>
 
 #include "carmap/base/stopwatch.h"
+#include "carmap/dataset/test_source.h"
 
 namespace carmap {
 namespace {
 
 using std::chrono::milliseconds;
 
-/// Frames without images.
-class FakeSource : public FrameSource {
- public:
-  const StereoRig& rig() const override { return rig_; }
-  size_t frame_count() const override { return 20; }
-  uint32_t first_index() const override { return 5; }
-  Timestamp timestamp(size_t n) const override { return {static_cast<int64_t>(n)}; }
-  absl::StatusOr<std::optional<StereoFrame>> Next() override {
-    if (next_ == frame_count()) return std::nullopt;
-    StereoFrame frame;
-    frame.index = first_index() + next_++;
-    return frame;
-  }
-
- private:
-  StereoRig rig_;
-  uint32_t next_ = 0;
-};
-
 TEST(CameraReplay, GivesNoFrameBeforeItsTime) {
-  FakeSource source;
+  EmptyFrames source(20);
   CameraReplay replay(source, {.rate_hz = 500, .waiting_frames = 1000});
   const Stopwatch watch;
   for (uint32_t n = 0; n < 20; ++n) {
@@ -47,7 +29,7 @@ TEST(CameraReplay, GivesNoFrameBeforeItsTime) {
 }
 
 TEST(CameraReplay, NewerFramesDisplaceThoseThatNobodyTook) {
-  FakeSource source;
+  EmptyFrames source(20);
   CameraReplay replay(source, {.rate_hz = 1000, .waiting_frames = 4});
   ASSERT_TRUE(replay.Next().ok());
   std::this_thread::sleep_for(milliseconds(10));  // frames 1 to 10 come; at most 4 of them wait

@@ -74,36 +74,45 @@ std::optional<int> SearchRow(const PatchRows& patch, const cv::Mat& right, int y
 constexpr int kLanes = 16;
 using PatchValues = std::array<std::array<float, kLanes>, kSide>;
 
-/// The middle counts most: what lies around a corner is often nearer or farther than it, and would
-/// draw its disparity there. Zero beyond the patch.
-PatchValues MakeWeights() {
-  constexpr double kSigmaPx = 2.5;
-  PatchValues weights{};
-  for (int row = 0; row < kSide; ++row) {
-    for (int i = 0; i < kSide; ++i) {
-      const double square_px = std::pow(row - kRadius, 2) + std::pow(i - kRadius, 2);
-      weights[row][i] = static_cast<float>(std::exp(-square_px / (2 * kSigmaPx * kSigmaPx)));
-    }
-  }
-  return weights;
-}
-const PatchValues kWeights = MakeWeights();
-
 float Sum(const std::array<float, kLanes>& lanes) {
   return std::accumulate(lanes.begin(), lanes.end(), 0.0f);
 }
+
+/// The middle counts most: what lies around a corner is often nearer or farther than it, and would
+/// draw its disparity there. Zero beyond the patch.
+struct PatchWeights {
+  PatchWeights() {
+    constexpr double kSigmaPx = 2.5;
+    std::array<float, kLanes> sums{};
+    for (int row = 0; row < kSide; ++row) {
+      for (int i = 0; i < kSide; ++i) {
+        const double square_px = std::pow(row - kRadius, 2) + std::pow(i - kRadius, 2);
+        of_pixel[row][i] = static_cast<float>(std::exp(-square_px / (2 * kSigmaPx * kSigmaPx)));
+        sums[i] += of_pixel[row][i];
+      }
+    }
+    sum = Sum(sums);
+  }
+  static const PatchWeights& Get() {
+    static const PatchWeights weights;
+    return weights;
+  }
+
+  PatchValues of_pixel{};
+  float sum = 0;
+};
 
 /// The patch around (x, y) of the left image with its gradients, made once and compared with
 /// several places of the right image.
 class PatchTemplate {
  public:
-  PatchTemplate(const cv::Mat& image, int x, int y) {
+  PatchTemplate(const cv::Mat& image, int x, int y) : weights_(PatchWeights::Get()) {
     const auto step = static_cast<ptrdiff_t>(image.step[0]);
-    std::array<std::array<float, kLanes>, 6> sums{};
+    std::array<std::array<float, kLanes>, 5> sums{};
     for (int row = 0; row < kSide; ++row) {
       const uint8_t* p = image.ptr<uint8_t>(y - kRadius + row, x - kRadius);
       for (int i = 0; i < kLanes; ++i) {
-        const float weight = kWeights[row][i];
+        const float weight = weights_.of_pixel[row][i];
         const float gx = 0.5f * static_cast<float>(p[i + 1] - p[i - 1]);
         const float gy = 0.5f * static_cast<float>(p[i + step] - p[i - step]);
         grey_[row][i] = p[i];
@@ -114,13 +123,12 @@ class PatchTemplate {
         sums[2][i] += weight * gy * gy;
         sums[3][i] += weight * gx;
         sums[4][i] += weight * gy;
-        sums[5][i] += weight;
       }
     }
     const float xx = Sum(sums[0]), xy = Sum(sums[1]), yy = Sum(sums[2]), x1 = Sum(sums[3]),
-                y1 = Sum(sums[4]), all = Sum(sums[5]);
+                y1 = Sum(sums[4]);
     Eigen::Matrix3f normal;
-    normal << xx, xy, x1, xy, yy, y1, x1, y1, all;
+    normal << xx, xy, x1, xy, yy, y1, x1, y1, weights_.sum;
     inverse_ = (normal + 1e-3f * Eigen::Matrix3f::Identity()).inverse();
   }
 
@@ -139,7 +147,7 @@ class PatchTemplate {
             grey_[row][i] - (w00 * a[i] + w01 * a[i + 1] + w10 * b[i] + w11 * b[i + 1]);
         sums[0][i] += error * weighted_gx_[row][i];
         sums[1][i] += error * weighted_gy_[row][i];
-        sums[2][i] += error * kWeights[row][i];
+        sums[2][i] += error * weights_.of_pixel[row][i];
       }
     }
     return (inverse_ * Eigen::Vector3f(Sum(sums[0]), Sum(sums[1]), Sum(sums[2])))
@@ -148,6 +156,7 @@ class PatchTemplate {
   }
 
  private:
+  const PatchWeights& weights_;
   PatchValues grey_, weighted_gx_, weighted_gy_;
   Eigen::Matrix3f inverse_;
 };
@@ -197,29 +206,35 @@ float FindDisparity(const Feature& feature, const ImagePyramid& left, const Imag
                                                : Feature::kNoDisparity;
 }
 
-/// A patch that shows what is nearer or farther too measures something between. Where a patch holds
-/// features of another depth, its own says nothing.
+/// Whether the patch of a feature with depth holds one of quite another depth.
+bool IsAtEdge(const Feature& feature, const FeatureGrid& grid, const StereoOptions& options) {
+  const double scale = ScaleOfLevel(feature.level);
+  const double max_difference_px =
+      std::max(options.max_edge_ratio * feature.disparity_px, options.max_edge_px * scale);
+  bool is_at_edge = false;
+  grid.VisitNear(feature.x_px, feature.y_px, options.edge_radius_px * scale, [&](uint32_t idx) {
+    const Feature& other = grid.features()[idx];
+    is_at_edge |= other.has_disparity() &&
+                  std::abs(other.disparity_px - feature.disparity_px) > max_difference_px;
+  });
+  return is_at_edge;
+}
+
+/// A patch that shows what is nearer or farther too measures something between.
 void ForgetDepthsAtEdges(const cv::Size& size, const StereoOptions& options,
                          std::vector<Feature>& features) {
   const FeatureGrid grid(features, size.width, size.height);
   std::vector<uint32_t> at_edge;
+  size_t clear = 0;
   for (uint32_t i = 0; i < features.size(); ++i) {
-    const Feature& feature = features[i];
-    if (!feature.has_disparity()) continue;
-    const double scale = ScaleOfLevel(feature.level);
-    const double max_difference_px =
-        std::max(options.max_edge_ratio * feature.disparity_px, options.max_edge_px * scale);
-    bool is_at_edge = false;
-    grid.VisitNear(feature.x_px, feature.y_px, options.edge_radius_px * scale, [&](uint32_t other) {
-      is_at_edge |=
-          features[other].has_disparity() &&
-          std::abs(features[other].disparity_px - feature.disparity_px) > max_difference_px;
-    });
-    if (is_at_edge) at_edge.push_back(i);
+    if (!features[i].has_disparity()) continue;
+    if (IsAtEdge(features[i], grid, options)) {
+      at_edge.push_back(i);
+    } else {
+      ++clear;
+    }
   }
-  const auto with_depth = static_cast<size_t>(std::count_if(
-      features.begin(), features.end(), [](const Feature& f) { return f.has_disparity(); }));
-  if (with_depth < at_edge.size() + options.min_depths) return;
+  if (clear < options.min_depths) return;
   for (const uint32_t i : at_edge) features[i].disparity_px = Feature::kNoDisparity;
 }
 

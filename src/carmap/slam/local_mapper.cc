@@ -312,19 +312,21 @@ Eigen::Vector3d LocalMapper::Triangulate(const Keyframe& keyframe, const Feature
 MapEdit LocalMapper::AdjustWindow(const std::vector<KeyframeId>& window) {
   MapBundle problem =
       MakeMapBundle(map_, rig_, options_.noise, window, SharedLandmarks(map_, window));
-  const BundleSummary summary = AdjustBundle(problem.bundle, OptionsFor(window));
+  const BundleOptions bundle_options = OptionsFor(window.size());
+  if (bundle_options.estimate_disparity_bias) ++bias_adjustments_;
+  const BundleSummary summary = AdjustBundle(problem.bundle, bundle_options);
   rig_ = problem.bundle.rig;
   MapEdit edit = EditOf(problem, summary);
   MoveLoneLandmarks(edit);
   return edit;
 }
 
-BundleOptions LocalMapper::OptionsFor(const std::vector<KeyframeId>& window) {
+BundleOptions LocalMapper::OptionsFor(size_t window_keyframes) const {
   const BiasOptions& bias = options_.bias;
   BundleOptions bundle = options_.bundle;
-  bundle.estimate_disparity_bias = window.size() >= bias.min_keyframes;
+  bundle.estimate_disparity_bias = window_keyframes >= bias.min_keyframes;
   if (!bundle.estimate_disparity_bias) return bundle;
-  const double settled = static_cast<double>(bias_adjustments_++) / bias.settling_adjustments;
+  const double settled = static_cast<double>(bias_adjustments_) / bias.settling_adjustments;
   bundle.bias_step_sigma_px = std::max(1 / std::sqrt(1 + settled), bias.min_step_ratio) *
                               bias.step_sigma_rad * rig_.camera.fx;
   bundle.max_bias_px = bias.max_rad * rig_.camera.fx;

@@ -119,7 +119,7 @@ class LocalMapper {
   MapEdit LeavePart();
   std::vector<KeyframeId> KeyframesBefore(std::optional<KeyframeId> end) const;
   MapEdit AdjustWindow(const std::vector<KeyframeId>& window);
-  BundleOptions OptionsFor(const std::vector<KeyframeId>& window);
+  BundleOptions OptionsFor(size_t window_keyframes) const;
   void MoveLoneLandmarks(MapEdit& edit) const;
   Eigen::Vector3d Triangulate(const Keyframe& keyframe, const Feature& feature) const;
   void Carry(const char* step, const MapEdit& edit, double elapsed_ms);
