@@ -18,7 +18,7 @@ struct StereoOptions {
   double max_row_offset_px = 1.2;  ///< at the feature's level, after refinement
   /// Features so near, at the feature's level, that are so much nearer or farther, as a part of its
   /// disparity and in pixels of its level, show that it lies at the edge of a thing.
-  double edge_radius_px = 6, max_edge_ratio = 0.08, max_edge_px = 0.7;
+  double edge_radius_px = 6, max_edge_ratio = 0.08, max_edge_px = 0.6;
   size_t min_depths = 500;  ///< where fewer would be left, those at edges keep theirs
 };
 

@@ -5,6 +5,9 @@
 namespace carmap {
 namespace {
 
+/// A predicted pose is usually off by less than a fourth of the window that it is given.
+constexpr double kErrorByRadius = 0.25;
+
 struct MatchedPose {
   PoseEstimate estimate;
   std::vector<LandmarkMatch> matches;
@@ -17,8 +20,9 @@ MatchedPose MatchAndRefine(const MapSnapshot& map, const std::vector<uint32_t>& 
   MatchedPose result;
   result.matches =
       MatchByProjection(map, landmark_idxs, grid, rig, camera_from_map, {.radius_px = radius_px});
-  result.estimate = RefinePose(
-      rig, noise, MeasurementsOf(map, grid.features(), rig, result.matches), camera_from_map);
+  result.estimate =
+      RefinePose(rig, noise, MeasurementsOf(map, grid.features(), rig, result.matches),
+                 camera_from_map, kErrorByRadius * radius_px);
   return result;
 }
 

@@ -327,8 +327,7 @@ BundleOptions LocalMapper::OptionsFor(size_t window_keyframes) const {
   bundle.estimate_disparity_bias = window_keyframes >= bias.min_keyframes;
   if (!bundle.estimate_disparity_bias) return bundle;
   const double settled = static_cast<double>(bias_adjustments_) / bias.settling_adjustments;
-  bundle.bias_step_sigma_px = std::max(1 / std::sqrt(1 + settled), bias.min_step_ratio) *
-                              bias.step_sigma_rad * rig_.camera.fx;
+  bundle.bias_step_sigma_px = bias.step_sigma_rad * rig_.camera.fx / (1 + settled);
   bundle.max_bias_px = bias.max_rad * rig_.camera.fx;
   return bundle;
 }

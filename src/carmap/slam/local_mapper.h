@@ -31,9 +31,9 @@ namespace carmap {
 struct BiasOptions {
   size_t min_keyframes = 5;        ///< in the window
   double step_sigma_rad = 1.5e-4;  ///< how far an adjustment may move its coefficients at first
-  /// A rig stays as it is: after so many adjustments steps become smaller, as those of a mean do,
-  /// down to a part that lets it follow what changes slowly.
-  double settling_adjustments = 5, min_step_ratio = 0.1;
+  /// A rig stays as it is: after so many adjustments steps are half as large, after nine times as
+  /// many a tenth, and so on, so that the last of a drive say no more than those before.
+  double settling_adjustments = 8;
   double max_rad = 0.7e-3;  ///< bound on each; half a pixel at a focal length of 700
 };
 

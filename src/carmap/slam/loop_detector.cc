@@ -180,7 +180,7 @@ std::vector<KeyframeId> LoopDetector::ProposePlaces(const Map& map, const Keyfra
     }
   };
   if (index_) take(RankByWords(map, keyframe, excluded), options_.max_places_by_words);
-  if (!index_ || keyframe.gps) take(RankByPosition(map, keyframe), options_.max_places_by_position);
+  take(RankByPosition(map, keyframe), options_.max_places_by_position);
   return places;
 }
 
@@ -201,7 +201,7 @@ std::vector<KeyframeId> LoopDetector::RankByWords(const Map& map, const Keyframe
   return ranked;
 }
 
-/// Nearest first: by their fixes where both have one, by the map where there is no vocabulary.
+/// Nearest first: by their fixes where both have one, or else by the map, which may have drifted.
 std::vector<KeyframeId> LoopDetector::RankByPosition(const Map& map,
                                                      const Keyframe& keyframe) const {
   std::optional<LocalEnu> enu;
@@ -211,12 +211,9 @@ std::vector<KeyframeId> LoopDetector::RankByPosition(const Map& map,
     if (id == keyframe.id) break;
     double distance_m =
         (other.map_from_camera.translation - keyframe.map_from_camera.translation).norm();
-    if (enu && other.gps) {
-      distance_m = enu->FromGps(*other.gps).head<2>().norm();
-      if (distance_m > options_.gps_radius_m) continue;
-    } else if (index_) {
-      continue;
-    }
+    const bool has_fixes = enu && other.gps;
+    if (has_fixes) distance_m = enu->FromGps(*other.gps).head<2>().norm();
+    if ((has_fixes || index_) && distance_m > options_.position_radius_m) continue;
     near.emplace_back(distance_m, id);
   }
   std::sort(near.begin(), near.end());

@@ -31,9 +31,9 @@ struct LoopDetectorOptions {
   double min_driven_m = 40;               ///< between the place and the newest keyframe
   float min_relative_similarity = 0.25f;  ///< to that with the keyframe before
   size_t max_places_by_words = 3;
-  size_t max_places_by_position = 2;  ///< where there is no vocabulary, or GPS
-  double gps_radius_m = 15;
-  double max_turn_rad = 0.7;  ///< between the two views, by the map as it is
+  size_t max_places_by_position = 2;
+  double position_radius_m = 15;  ///< by GPS, or else by the map; without a vocabulary anywhere
+  double max_turn_rad = 0.7;      ///< between the two views, by the map as it is
 
   // How far the map can have drifted: so much anyway, so much with each metre driven since the
   // place, and so much where the vehicle was lost in between.
@@ -46,7 +46,7 @@ struct LoopDetectorOptions {
   int min_inliers = 40;
   double min_seen_share = 0.15;  ///< of the landmarks that must be in sight
   int min_image_cells = 5;       ///< of 4 × 2 cells of the image, with at least two inliers each
-  int min_near_inliers = 8;     ///< nearer than near_m, which tell where the camera stands
+  int min_near_inliers = 8;      ///< nearer than near_m, which tell where the camera stands
   double near_m = 20;
   /// Another place that would explain the keyframe too, with so large a part of the inliers, makes
   /// both worthless: façades repeat.

@@ -150,7 +150,7 @@ class PoseGraphSolver {
   }
 
   double Weight(double chi_square, double square_scale) const {
-    return widening_ == kNotRobust ? 1 : GemanMcClureWeight(chi_square, widening_ * square_scale);
+    return GemanMcClureWeight(chi_square, widening_ * square_scale);
   }
   double WeightOf(const PoseGraphEdge& edge, double chi_square) const {
     return edge.is_robust ? Weight(chi_square, kEdgeSquareScale) : 1;
@@ -160,8 +160,7 @@ class PoseGraphSolver {
   }
 
   double RobustCost(double chi_square, double square_scale) const {
-    return widening_ == kNotRobust ? chi_square / 2
-                                   : GemanMcClureCost(chi_square, widening_ * square_scale);
+    return GemanMcClureCost(chi_square, widening_ * square_scale);
   }
   double Cost(const Poses& poses) const {
     double cost = 0;

@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "carmap/solve/reprojection.h"
@@ -10,7 +11,11 @@
 namespace carmap {
 namespace {
 
-constexpr int kRounds = 4, kStepsPerRound = 8;
+/// Squares of the robust loss's width, in the chi-square bounds: each is so many times narrower
+/// than the one before. Narrower than the last, fewer measurements would have a say.
+constexpr double kNarrowing = 4, kFinalSquareWidth = 4;
+constexpr int kStepsPerWidth = 4, kFinalSteps = 8;
+constexpr double kNotRobust = std::numeric_limits<double>::infinity();
 constexpr int kMinMeasurements = 3;
 
 class PoseRefiner {
@@ -27,15 +32,16 @@ class PoseRefiner {
     }
   }
 
-  /// One robust minimisation over the active measurements.
-  void Minimize(bool huber) {
+  /// Minimises over the active measurements with a loss whose square is so many times wider
+  /// than the chi-square bounds.
+  void Minimize(double square_width, int steps) {
     double lambda = 1e-6;
-    Linearization current = Linearize(pose_, huber);
-    for (int step = 0; step < kStepsPerRound; ++step) {
+    Linearization current = Linearize(pose_, square_width);
+    for (int step = 0; step < steps; ++step) {
       Vector6d delta;
       if (!SolveDamped(current.normal, lambda, delta)) return;
       const Rigid3 trial_pose = Perturb(pose_, delta);
-      Linearization trial = Linearize(trial_pose, huber);
+      Linearization trial = Linearize(trial_pose, square_width);
       const bool is_converged =
           delta.norm() < 1e-6 || std::abs(current.cost - trial.cost) <= 1e-6 * current.cost;
       if (trial.cost <= current.cost) {
@@ -64,7 +70,7 @@ class PoseRefiner {
     PoseEstimate estimate{pose_, std::vector<bool>(measurements_.size(), false)};
     for (const size_t i : active_) estimate.is_inlier[i] = true;
     estimate.inlier_count = static_cast<int>(active_.size());
-    const Eigen::LLT<Matrix6d> cholesky(Linearize(pose_, false).normal.hessian);
+    const Eigen::LLT<Matrix6d> cholesky(Linearize(pose_, kNotRobust).normal.hessian);
     if (cholesky.info() == Eigen::Success) {
       const Matrix6d covariance = cholesky.solve(Matrix6d::Identity());
       if (covariance.allFinite()) estimate.covariance = covariance;
@@ -78,7 +84,7 @@ class PoseRefiner {
     double cost = 0;
   };
 
-  Linearization Linearize(const Rigid3& pose, bool huber) const {
+  Linearization Linearize(const Rigid3& pose, double square_width) const {
     Linearization result;
     const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
     Eigen::Vector3d error;
@@ -87,9 +93,10 @@ class PoseRefiner {
       const Eigen::Vector3d p = rotation * measurements_[i].position_in_map + pose.translation;
       const bool visible = WhitenedError(rig_, m, p, error);
       const double chi_square = visible ? error.squaredNorm() : kInvisibleChiSquare;
-      result.cost += huber ? HuberCost(chi_square, m.chi_square_bound) : chi_square / 2;
+      const double square_scale = square_width * m.chi_square_bound;
+      result.cost += GemanMcClureCost(chi_square, square_scale);
       if (!visible) continue;
-      const double weight = huber ? HuberWeight(chi_square, m.chi_square_bound) : 1;
+      const double weight = GemanMcClureWeight(chi_square, square_scale);
       result.normal.Add(MakePointTerm(rig_, m, p, error, weight), p);
     }
     return result;
@@ -115,16 +122,19 @@ class PoseRefiner {
 
 PoseEstimate RefinePose(const StereoRig& rig, const MeasurementNoise& noise,
                         const std::vector<PoseMeasurement>& measurements,
-                        const Rigid3& initial_camera_from_map) {
+                        const Rigid3& initial_camera_from_map, double initial_error_px) {
+  const PoseEstimate none{initial_camera_from_map, std::vector<bool>(measurements.size(), false)};
+  if (measurements.size() < kMinMeasurements) return none;
   PoseRefiner refiner(rig, noise, measurements, initial_camera_from_map);
-  size_t active_count = measurements.size();
-  for (int round = 0; round < kRounds && active_count >= kMinMeasurements; ++round) {
-    const bool is_last = round + 1 == kRounds;
-    refiner.Minimize(!is_last);
-    active_count = refiner.SelectInliers();
+  const double initial_chi_square = std::pow(initial_error_px / noise.pixel_px, 2);
+  for (double square_width = initial_chi_square / kChiSquareBound3;
+       square_width > kFinalSquareWidth; square_width /= kNarrowing) {
+    refiner.Minimize(square_width, kStepsPerWidth);
   }
-  if (active_count >= kMinMeasurements) return refiner.Estimate();
-  return {initial_camera_from_map, std::vector<bool>(measurements.size(), false)};
+  refiner.Minimize(kFinalSquareWidth, kFinalSteps);
+  if (refiner.SelectInliers() < kMinMeasurements) return none;
+  refiner.Minimize(kNotRobust, kFinalSteps);
+  return refiner.SelectInliers() < kMinMeasurements ? none : refiner.Estimate();
 }
 
 }  // namespace carmap

@@ -33,13 +33,20 @@ struct PoseEstimate {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
-/// Minimises the Huber-robust, noise-weighted errors of (u, v, disparity) by Gauss-Newton on the
-/// tangent of Perturb, in rounds; after each, measurements outside the 95 % chi-square bound (of 2
-/// or 3 degrees of freedom) or behind the camera count as outliers, and may come back in the next
-/// round. The last round is without Huber. If fewer than three measurements agree, the initial pose
-/// comes back without inliers. Measurements that are not finite count as outliers.
+/// Where most measurements are when the initial pose is a good prediction, in pixels at pyramid
+/// level 0 around the projected landmarks.
+inline constexpr double kInitialErrorPx = 3;
+
+/// Minimises the noise-weighted errors of (u, v, disparity) on the tangent of Perturb with Geman
+/// and McClure's loss, which is as wide as `initial_error_px` at first and narrows to twice the 95
+/// % chi-square bound (of 2 or 3 degrees of freedom): graduated non-convexity (Blake and Zisserman
+/// 1987). A lorry that drives by, with most of the measurements on it, so does not draw the pose
+/// from where it should be. Then once without a robust loss over what is within the bounds; what is
+/// outside in the end, behind the camera or not finite is an outlier. If fewer than three
+/// measurements agree, the initial pose comes back without inliers.
 PoseEstimate RefinePose(const StereoRig& rig, const MeasurementNoise& noise,
                         const std::vector<PoseMeasurement>& measurements,
-                        const Rigid3& initial_camera_from_map);
+                        const Rigid3& initial_camera_from_map,
+                        double initial_error_px = kInitialErrorPx);
 
 }  // namespace carmap

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -33,6 +34,25 @@ TEST(PoseRefinementTest, IsAccurateWithNoiseAndAThirdOfOutliers) {
     EXPECT_LT(DistanceBetween(estimate.camera_from_map, truth), 0.04);
     EXPECT_LT(RotationBetween(estimate.camera_from_map, truth), 0.001);
     EXPECT_NEAR(estimate.inlier_count, 400 * 0.7 * 0.95, 30);
+  }
+}
+
+// Most of what is seen is on a lorry that drives by, and agrees on another pose of the camera.
+TEST(PoseRefinementTest, IsNotDrawnByWhatMovesAsOne) {
+  const MeasurementNoise noise{.pixel_px = 0.25, .disparity_px = 0.25};
+  const Eigen::Vector3d driven(0.2, 0, -1.3);
+  for (uint64_t seed = 1; seed <= 10; ++seed) {
+    TestRandom random(seed);
+    const Rigid3 truth = random.Pose(5, 0.5);
+    auto measurements = MeasureScene(truth, 150, {.pixel_px = 0.2, .disparity_px = 0.2}, random);
+    for (size_t i = 50; i < measurements.size(); ++i) {
+      measurements[i].position_in_map -= truth.rotation.conjugate() * driven;
+    }
+    const Rigid3 initial = Perturb(truth, random.Tangent(0.03, 0.002));
+    const PoseEstimate estimate = RefinePose(kTestRig, noise, measurements, initial);
+    EXPECT_LT(DistanceBetween(estimate.camera_from_map, truth), 0.05) << seed;
+    EXPECT_GE(std::count(estimate.is_inlier.begin(), estimate.is_inlier.begin() + 50, true), 35)
+        << seed;
   }
 }
 

@@ -25,15 +25,6 @@ struct PositionPrior {
 /// Squared error at which a fix has lost three quarters of its weight: three standard deviations.
 inline constexpr double kPriorSquareScale = 9;
 
-inline double GemanMcClureCost(double chi_square, double square_scale) {
-  return square_scale * chi_square / (square_scale + chi_square) / 2;
-}
-/// Factor on the squared error that gives the loss's gradient.
-inline double GemanMcClureWeight(double chi_square, double square_scale) {
-  const double ratio = square_scale / (square_scale + chi_square);
-  return ratio * ratio;
-}
-
 /// In standard deviations, (estimated - measured).
 inline Eigen::Vector3d PriorError(const PositionPrior& prior, const Rigid3& camera_from_map) {
   return prior.sqrt_information * (camera_from_map.Inverse().translation - prior.position_in_map);

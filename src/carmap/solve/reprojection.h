@@ -1,6 +1,6 @@
 // The error of a measured (u, v, disparity) against a point in the camera's frame, in standard
-// deviations, with its derivatives and robust loss. What pose refinement and bundle adjustment
-// share.
+// deviations, with its derivatives and robust losses. What pose refinement and bundle
+// adjustment share.
 //
 // Plain functions; safe from any thread.
 #pragma once
@@ -75,6 +75,17 @@ inline double HuberCost(double chi_square, double bound) {
 /// Factor on the squared error that gives Huber's gradient.
 inline double HuberWeight(double chi_square, double bound) {
   return chi_square <= bound ? 1 : std::sqrt(bound / chi_square);
+}
+
+/// Geman and McClure's loss of a squared error: levels off at half of `square_scale`, so that what
+/// is far off hardly pulls. With an infinite scale it is not robust at all.
+inline double GemanMcClureCost(double chi_square, double square_scale) {
+  return chi_square / (1 + chi_square / square_scale) / 2;
+}
+/// Factor on the squared error that gives its gradient.
+inline double GemanMcClureWeight(double chi_square, double square_scale) {
+  const double ratio = 1 / (1 + chi_square / square_scale);
+  return ratio * ratio;
 }
 
 /// One measurement's part of the normal equations in its point's position in the camera.
