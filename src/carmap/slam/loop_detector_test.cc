@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <memory>
 
+#include "carmap/feature/default_vocabulary.h"
 #include "carmap/slam/test_round.h"
 
 namespace carmap {
@@ -55,6 +57,14 @@ TEST(LoopDetector, FindsTheLoopAndWhereTheVehicleIs) {
     EXPECT_LT(RotationAngle(match.keyframe_from_place.rotation * truth.rotation.conjugate()), 0.01);
     EXPECT_GT(match.seen_share, 0.15);
   }
+}
+
+TEST(LoopDetector, LooksWhereTheMapSaysItIsTooWhenNoWordsTell) {
+  const Street street = MakeRoundStreet(3, kRoundM);
+  RoundDrive drive(street, {.circumference_m = kRoundM});
+  LoopDetector detector({.max_places_by_words = 0},
+                        std::make_shared<const Vocabulary>(DefaultVocabulary()));
+  EXPECT_FALSE(DriveAndDetect(drive, 175, detector).loops.empty());
 }
 
 TEST(LoopDetector, FindsNoneOnAnOpenRoad) {
