@@ -3,7 +3,6 @@
 #include <absl/container/btree_map.h>
 
 #include <algorithm>
-#include <cmath>
 #include <iterator>
 #include <numeric>
 

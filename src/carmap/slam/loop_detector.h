@@ -1,6 +1,6 @@
 // Whether the vehicle is where it was before (paper §5.4): proposes places that resemble a
-// keyframe, and believes in one only if its landmarks are seen from where they must be seen,
-// keyframe after keyframe, and from nowhere else.
+// keyframe or lie near it, and believes in one only if its landmarks are seen from where they must
+// be seen, keyframe after keyframe, and from nowhere else.
 //
 // A wrong loop ruins a map, a missed one is made up for by the next keyframe; so in doubt there is
 // none. Owned by one thread. Deterministic.
@@ -32,7 +32,7 @@ struct LoopDetectorOptions {
   float min_relative_similarity = 0.25f;  ///< to that with the keyframe before
   size_t max_places_by_words = 3;
   size_t max_places_by_position = 2;
-  double position_radius_m = 15;  ///< by GPS, or else by the map; without a vocabulary anywhere
+  double position_radius_m = 15;  ///< by GPS, or else by the map; without fixes and words anywhere
   double max_turn_rad = 0.7;      ///< between the two views, by the map as it is
 
   // How far the map can have drifted: so much anyway, so much with each metre driven since the

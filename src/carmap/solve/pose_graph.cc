@@ -17,7 +17,6 @@ constexpr double kScaleStep = 2;  // between rounds, of the squared scales
 /// Ten standard deviations. A right edge must be dearer to drop than to obey, and errors of an edge
 /// have six parts.
 constexpr double kEdgeSquareScale = 100;
-constexpr double kNotRobust = std::numeric_limits<double>::infinity();
 
 Eigen::Vector3d RotationLog(Eigen::Quaterniond q) {
   if (q.w() < 0) q.coeffs() *= -1;

@@ -3,7 +3,6 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "carmap/solve/reprojection.h"
@@ -15,7 +14,6 @@ namespace {
 /// than the one before. Narrower than the last, fewer measurements would have a say.
 constexpr double kNarrowing = 4, kFinalSquareWidth = 4;
 constexpr int kStepsPerWidth = 4, kFinalSteps = 8;
-constexpr double kNotRobust = std::numeric_limits<double>::infinity();
 constexpr int kMinMeasurements = 3;
 
 class PoseRefiner {

@@ -38,8 +38,8 @@ struct PoseEstimate {
 inline constexpr double kInitialErrorPx = 3;
 
 /// Minimises the noise-weighted errors of (u, v, disparity) on the tangent of Perturb with Geman
-/// and McClure's loss, which is as wide as `initial_error_px` at first and narrows to twice the 95
-/// % chi-square bound (of 2 or 3 degrees of freedom): graduated non-convexity (Blake and Zisserman
+/// and McClure's loss, which is as wide as `initial_error_px` at first and narrows to twice the
+/// chi-square bound (95 %, 2 or 3 degrees of freedom): graduated non-convexity (Blake and Zisserman
 /// 1987). A lorry that drives by, with most of the measurements on it, so does not draw the pose
 /// from where it should be. Then once without a robust loss over what is within the bounds; what is
 /// outside in the end, behind the camera or not finite is an outlier. If fewer than three

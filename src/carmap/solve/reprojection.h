@@ -1,12 +1,12 @@
 // The error of a measured (u, v, disparity) against a point in the camera's frame, in standard
-// deviations, with its derivatives and robust losses. What pose refinement and bundle
-// adjustment share.
+// deviations, with its derivatives, and the robust losses of all solvers.
 //
 // Plain functions; safe from any thread.
 #pragma once
 
 #include <Eigen/Core>
 #include <cmath>
+#include <limits>
 
 #include "carmap/geometry/camera.h"
 #include "carmap/geometry/rigid3.h"
@@ -77,8 +77,10 @@ inline double HuberWeight(double chi_square, double bound) {
   return chi_square <= bound ? 1 : std::sqrt(bound / chi_square);
 }
 
+inline constexpr double kNotRobust = std::numeric_limits<double>::infinity();
+
 /// Geman and McClure's loss of a squared error: levels off at half of `square_scale`, so that what
-/// is far off hardly pulls. With an infinite scale it is not robust at all.
+/// is far off hardly pulls. With the scale kNotRobust, half the squared error.
 inline double GemanMcClureCost(double chi_square, double square_scale) {
   return chi_square / (1 + chi_square / square_scale) / 2;
 }
