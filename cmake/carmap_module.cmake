@@ -8,12 +8,12 @@ target_compile_options(carmap_flags INTERFACE
   -Wno-missing-field-initializers)
 if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
   # Arithmetic in vectors of 16 bytes, the heap's alignment: with wider ones Eigen splits sums by where
-  # an array happens to lie, and the last bits differ from run to run. The front end, which counts in
-  # whole numbers, is built for AVX2 in its own CMakeLists.txt.
-  # (A target's own flags would not do: those it inherits come after them, and the last one counts.)
-  target_compile_options(carmap_flags INTERFACE
-    -march=$<IF:$<BOOL:$<TARGET_PROPERTY:CARMAP_AVX2>>,x86-64-v3,x86-64-v2>)
-  target_compile_definitions(carmap_flags INTERFACE EIGEN_MAX_ALIGN_BYTES=16)
+  # an array happens to lie, and the last bits differ from run to run. What is hot in the front end is
+  # compiled for wider ones too, of which the best is chosen when the program runs (feature/).
+  target_compile_options(carmap_flags INTERFACE -march=x86-64-v2)
+  target_compile_definitions(carmap_flags INTERFACE EIGEN_MAX_ALIGN_BYTES=16
+    # AES instructions are not used, and Highway would do without vectors where they are not allowed.
+    HWY_DISABLE_PCLMUL_AES)
 endif()
 target_include_directories(carmap_flags INTERFACE ${PROJECT_SOURCE_DIR}/src)
 if(CARMAP_SANITIZE)

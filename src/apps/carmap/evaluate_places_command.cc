@@ -51,7 +51,7 @@ absl::Status ViewPlaces(KittiDrive& drive, const Vocabulary& vocabulary, double 
     progress.Update(i + 1);
     const auto& pose = drive.truth()[i].world_from_camera;
     if (!pose || !IsFarFromLast(*pose, viewed.places, spacing_m)) continue;
-    const std::vector<Feature> features = ExtractOrb(BuildPyramid(frame->left), {});
+    const std::vector<Feature> features = OrbExtractor().Extract(BuildPyramid(frame->left));
     const Stopwatch watch;
     WordHistogram histogram = HistogramOf(vocabulary, features);
     viewed.histogram_ms.push_back(watch.ElapsedMs());

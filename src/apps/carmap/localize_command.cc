@@ -101,7 +101,7 @@ struct LocalizedDrive {
 class DriveLocalizer {
  public:
   explicit DriveLocalizer(const LoadedMap& loaded)
-      : rig_(loaded.rig), localizer_(loaded.map, rig_) {}
+      : rig_(loaded.rig), front_end_(rig_), localizer_(loaded.map, rig_) {}
 
   void Take(const StereoFrame& frame) {
     TimedPose& pose = drive_.trajectory.emplace_back();
@@ -112,8 +112,7 @@ class DriveLocalizer {
     }
     previous_left_ = frame.left;
     const Stopwatch watch;
-    const std::vector<Feature> features =
-        ExtractStereoFeatures(frame.left, frame.right, rig_, FrontEndOptions());
+    const std::vector<Feature> features = front_end_.Extract(frame.left, frame.right);
     const LocalizedFrame localized = localizer_.Localize(frame.timestamp, features, frame.gps);
     drive_.frame_ms.push_back(watch.ElapsedMs());
     pose.world_from_camera = localized.map_from_camera;
@@ -157,6 +156,7 @@ class DriveLocalizer {
   }
 
   const StereoRig rig_;
+  StereoFrontEnd front_end_;
   Localizer localizer_;
   cv::Mat previous_left_;
   size_t most_inliers_ = 0;

@@ -38,7 +38,7 @@ struct InfoArguments {
 
 std::vector<Descriptor> DescriptorsOf(const cv::Mat& image) {
   std::vector<Descriptor> descriptors;
-  for (const Feature& feature : ExtractOrb(BuildPyramid(image), {})) {
+  for (const Feature& feature : OrbExtractor().Extract(BuildPyramid(image))) {
     descriptors.push_back(feature.descriptor);
   }
   return descriptors;

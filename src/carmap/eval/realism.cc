@@ -172,7 +172,7 @@ void RealismMeter::Take(const cv::Mat& left, const cv::Mat& right) {
   ImagePyramid left_pyramid, right_pyramid;
   tbb::parallel_invoke([&] { left_pyramid = BuildPyramid(left); },
                        [&] { right_pyramid = BuildPyramid(right); });
-  std::vector<Feature> features = ExtractOrb(left_pyramid, OrbOptions());
+  std::vector<Feature> features = OrbExtractor().Extract(left_pyramid);
   MatchStereo(left_pyramid, right_pyramid, measures_.rig, StereoOptions(), features);
   ++measures_.frames;
   TakeImage(left_pyramid);

@@ -1,12 +1,18 @@
 #include "carmap/feature/corner_detector.h"
 
-#include <hwy/highway.h>
-
 #include <algorithm>
 #include <array>
 #include <bit>
 
-namespace carmap {
+// What follows is compiled once for each kind of processor; the best of them runs.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "carmap/feature/corner_detector.cc"
+#include <hwy/foreach_target.h>
+// After it:
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace carmap::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
@@ -33,15 +39,16 @@ constexpr std::array<std::array<int, 2>, 16> kCircle = {{{0, -3},
 
 auto AtLeast(Vector a, Vector b) { return hn::Eq(hn::Max(a, b), a); }
 
-/// Largest, over all arcs of nine neighbours on the circle, of the smallest value on the arc.
+/// Largest, over all arcs of nine neighbours on the circle, of the least value on the arc. Two arcs
+/// share the eight in their middle.
 Vector BestArc(const std::array<Vector, 16>& circle) {
-  std::array<Vector, 16> pairs, quads;
-  for (int i = 0; i < 16; ++i) pairs[i] = hn::Min(circle[i], circle[(i + 1) % 16]);
-  for (int i = 0; i < 16; ++i) quads[i] = hn::Min(pairs[i], pairs[(i + 2) % 16]);
+  std::array<Vector, 16> pairs, quads;  // from odd places on
+  for (int i = 1; i < 16; i += 2) pairs[i] = hn::Min(circle[i], circle[(i + 1) % 16]);
+  for (int i = 1; i < 16; i += 2) quads[i] = hn::Min(pairs[i], pairs[(i + 2) % 16]);
   Vector best = hn::Zero(Bytes());
-  for (int i = 0; i < 16; ++i) {
+  for (int i = 1; i < 16; i += 2) {
     const Vector eight = hn::Min(quads[i], quads[(i + 4) % 16]);
-    best = hn::Max(best, hn::Min(eight, circle[(i + 8) % 16]));
+    best = hn::Max(best, hn::Min(eight, hn::Max(circle[i - 1], circle[(i + 8) % 16])));
   }
   return best;
 }
@@ -124,18 +131,16 @@ void CollectMaxima(const uint8_t* above, const uint8_t* middle, const uint8_t* b
         hn::Max(hn::Max(hn::LoadU(d, below + x - 1), hn::LoadU(d, below + x)),
                 hn::Max(hn::LoadU(d, below + x + 1), hn::LoadU(d, middle + x + 1)));
     const auto is_maximum = hn::And(hn::Gt(score, before), AtLeast(score, after));
-    std::array<uint8_t, (HWY_MAX_BYTES + 7) / 8> bytes{};
-    hn::StoreMaskBits(d, is_maximum, bytes.data());
-    for (int lane = 0; lane < lanes && x + lane < x_end; ++lane) {
-      if ((bytes[lane / 8] >> (lane % 8)) & 1) {
-        corners.push_back(
-            {static_cast<int16_t>(x + lane), static_cast<int16_t>(y), middle[x + lane]});
-      }
+    uint64_t bits = 0;  // a lane each
+    hn::StoreMaskBits(d, is_maximum, reinterpret_cast<uint8_t*>(&bits));
+    for (; bits != 0; bits &= bits - 1) {
+      const int maximum_x = x + std::countr_zero(bits);
+      if (maximum_x >= x_end) break;
+      corners.push_back(
+          {static_cast<int16_t>(maximum_x), static_cast<int16_t>(y), middle[maximum_x]});
     }
   }
 }
-
-}  // namespace
 
 std::vector<Corner> DetectCorners(const cv::Mat& image, int threshold, int margin) {
   std::vector<Corner> corners;
@@ -164,4 +169,18 @@ std::vector<Corner> DetectCorners(const cv::Mat& image, int threshold, int margi
   return corners;
 }
 
+}  // namespace
+}  // namespace carmap::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace carmap {
+
+HWY_EXPORT(DetectCorners);
+
+std::vector<Corner> DetectCorners(const cv::Mat& image, int threshold, int margin) {
+  return HWY_DYNAMIC_DISPATCH(DetectCorners)(image, threshold, margin);
+}
+
 }  // namespace carmap
+#endif  // HWY_ONCE

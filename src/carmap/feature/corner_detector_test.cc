@@ -8,6 +8,7 @@
 #include <opencv2/core.hpp>
 
 #include "carmap/feature/test_images.h"
+#include "carmap/feature/test_processors.h"
 
 namespace carmap {
 
@@ -82,7 +83,10 @@ std::vector<Corner> ReferenceCorners(const cv::Mat& image, int threshold, int ma
   return corners;
 }
 
-TEST(DetectCorners, EqualsTheDefinitionOnImagesOfOddSizes) {
+class DetectCornersTest : public OnEachProcessor {};
+INSTANTIATE_TEST_SUITE_P(Processors, DetectCornersTest, kProcessors, NameOfProcessor);
+
+TEST_P(DetectCornersTest, EqualsTheDefinitionOnImagesOfOddSizes) {
   size_t total = 0;
   for (const auto& [width, height] :
        {std::array{101, 67}, {64, 40}, {257, 33}, {73, 129}, {397, 31}}) {
@@ -102,7 +106,7 @@ TEST(DetectCorners, EqualsTheDefinitionOnImagesOfOddSizes) {
   EXPECT_GT(total, 5000u);
 }
 
-TEST(DetectCorners, EqualsTheDefinitionWhereAVectorDoesNotFit) {
+TEST_P(DetectCornersTest, EqualsTheDefinitionWhereAVectorDoesNotFit) {
   size_t total = 0;
   for (int width = 1; width <= 80; ++width) {
     const cv::Mat image = RandomPixels(width, 37, width);
@@ -113,7 +117,7 @@ TEST(DetectCorners, EqualsTheDefinitionWhereAVectorDoesNotFit) {
   EXPECT_GT(total, 100u);
 }
 
-TEST(DetectCorners, EqualsTheDefinitionWhereManyScoresAreEqual) {
+TEST_P(DetectCornersTest, EqualsTheDefinitionWhereManyScoresAreEqual) {
   const cv::Mat two_greys = RandomPixels(150, 90, 3, 0, 1) * 20;
   EXPECT_EQ(DetectCorners(two_greys, 10, 4), ReferenceCorners(two_greys, 10, 4));
   const cv::Mat saturated = RandomPixels(150, 90, 4, 0, 1) * 255;
@@ -123,13 +127,13 @@ TEST(DetectCorners, EqualsTheDefinitionWhereManyScoresAreEqual) {
   EXPECT_EQ(corners.front().score, 255);
 }
 
-TEST(DetectCorners, ReadsRowsThatAreApart) {
+TEST_P(DetectCornersTest, ReadsRowsThatAreApart) {
   const cv::Mat large = RandomPixels(200, 100, 5);
   const cv::Mat part = large({13, 7, 121, 59});
   EXPECT_EQ(DetectCorners(part, 20, 4), ReferenceCorners(part.clone(), 20, 4));
 }
 
-TEST(DetectCorners, FindsNothingInFlatOrTinyImages) {
+TEST_P(DetectCornersTest, FindsNothingInFlatOrTinyImages) {
   for (const int grey : {0, 128, 255}) {
     EXPECT_THAT(DetectCorners(cv::Mat(60, 90, CV_8UC1, cv::Scalar(grey)), 1, 4), IsEmpty());
   }
@@ -139,7 +143,7 @@ TEST(DetectCorners, FindsNothingInFlatOrTinyImages) {
   EXPECT_THAT(DetectCorners(cv::Mat(), 1, 4), IsEmpty());
 }
 
-TEST(DetectCorners, FindsACornerAndItsContrast) {
+TEST_P(DetectCornersTest, FindsACornerAndItsContrast) {
   cv::Mat image(60, 90, CV_8UC1, cv::Scalar(50));
   image(cv::Rect(40, 30, 30, 20)).setTo(110);
   const auto corners = DetectCorners(image, 10, 4);

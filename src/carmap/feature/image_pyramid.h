@@ -12,7 +12,8 @@ namespace carmap {
 
 using ImagePyramid = std::array<cv::Mat, kLevelCount>;
 
-/// Level 0 is `image` itself (8-bit grey), shared. Levels are filtered bilinearly.
-ImagePyramid BuildPyramid(const cv::Mat& image);
+/// Level 0 is `image` itself (8-bit grey), shared. Levels are filtered bilinearly. The memory of
+/// `old` levels is used again where sizes agree: their pixels, of copies too, are overwritten.
+ImagePyramid BuildPyramid(const cv::Mat& image, ImagePyramid old = {});
 
 }  // namespace carmap

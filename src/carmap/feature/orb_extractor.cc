@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <opencv2/imgproc.hpp>
 #include <random>
 
 #include "carmap/feature/corner_detector.h"
+#include "carmap/feature/smoothing.h"
 
 namespace carmap {
 namespace {
@@ -88,7 +88,7 @@ std::vector<Corner> SpreadEvenly(const std::vector<Corner>& corners, const cv::S
 }
 
 std::vector<Feature> ExtractLevel(const cv::Mat& image, int level, size_t count,
-                                  const OrbOptions& options) {
+                                  const OrbOptions& options, cv::Mat& smooth) {
   std::vector<Corner> corners = DetectCorners(image, options.corner_threshold, kMargin);
   if (corners.size() < count)
     corners = DetectCorners(image, options.weak_corner_threshold, kMargin);
@@ -96,8 +96,7 @@ std::vector<Feature> ExtractLevel(const cv::Mat& image, int level, size_t count,
   std::vector<Feature> features;
   if (corners.empty()) return features;
 
-  cv::Mat smooth;
-  cv::GaussianBlur(image, smooth, {7, 7}, 2, 2, cv::BORDER_REFLECT_101);
+  SmoothImage(image, smooth);
   std::array<std::array<ptrdiff_t, 2>, 256> offsets;
   const auto stride = static_cast<ptrdiff_t>(smooth.step[0]);
   for (size_t i = 0; i < offsets.size(); ++i) {
@@ -117,7 +116,7 @@ std::vector<Feature> ExtractLevel(const cv::Mat& image, int level, size_t count,
 
 }  // namespace
 
-std::vector<Feature> ExtractOrb(const ImagePyramid& pyramid, const OrbOptions& options) {
+std::vector<Feature> OrbExtractor::Extract(const ImagePyramid& pyramid) {
   // Each level's share falls with its side length, as the number of places for a feature along an
   // edge does.
   const double ratio = 1 / kLevelScale;
@@ -125,8 +124,9 @@ std::vector<Feature> ExtractOrb(const ImagePyramid& pyramid, const OrbOptions& o
   std::array<std::vector<Feature>, kLevelCount> by_level;
   tbb::parallel_for(0, kLevelCount, [&](int level) {
     const double share = first_share * std::pow(ratio, level);
-    by_level[level] = ExtractLevel(pyramid[level], level,
-                                   static_cast<size_t>(options.feature_count * share), options);
+    by_level[level] =
+        ExtractLevel(pyramid[level], level, static_cast<size_t>(options_.feature_count * share),
+                     options_, smooth_[level]);
   });
   std::vector<Feature> features;
   for (const auto& level_features : by_level) {

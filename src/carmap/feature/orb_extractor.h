@@ -18,7 +18,17 @@ struct OrbOptions {
   int weak_corner_threshold = 7;  ///< the same, on levels with too few strong corners
 };
 
-/// Features in the order of their levels. They have no disparity yet.
-std::vector<Feature> ExtractOrb(const ImagePyramid& pyramid, const OrbOptions& options);
+/// For one image at a time; its working memory is kept for the next.
+class OrbExtractor {
+ public:
+  explicit OrbExtractor(const OrbOptions& options = {}) : options_(options) {}
+
+  /// Features in the order of their levels. They have no disparity yet.
+  std::vector<Feature> Extract(const ImagePyramid& pyramid);
+
+ private:
+  const OrbOptions options_;
+  ImagePyramid smooth_;
+};
 
 }  // namespace carmap

@@ -23,39 +23,7 @@ namespace {
 using ::testing::IsEmpty;
 
 std::vector<Feature> Extract(const cv::Mat& image, const OrbOptions& options = {}) {
-  return ExtractOrb(BuildPyramid(image), options);
-}
-
-TEST(BuildPyramid, LevelsShrinkByOneScaleAndShareEdges) {
-  // A ramp stays a ramp at the coordinates that FullSizeFromLevel gives. The mean of one that rises
-  // and one that falls does not care that greys are rounded down.
-  cv::Mat rising(200, 250, CV_8UC1);
-  for (int x = 0; x < rising.cols; ++x) rising.col(x).setTo(x);
-  const ImagePyramid risings = BuildPyramid(rising), fallings = BuildPyramid(255 - rising);
-  EXPECT_EQ(risings[0].data, rising.data);
-  for (int level = 1; level < kLevelCount; ++level) {
-    const double scale = ScaleOfLevel(level);
-    const cv::Size size = risings[level].size();
-    EXPECT_NEAR(size.width, rising.cols / scale, 2) << level;
-    EXPECT_NEAR(size.height, rising.rows / scale, 2) << level;
-    double sum = 0;
-    for (int x = 5; x < size.width - 5; ++x) {
-      const int row = size.height / 2;
-      const double at_px =
-          (risings[level].at<uint8_t>(row, x) - fallings[level].at<uint8_t>(row, x) + 255) / 2.0;
-      EXPECT_NEAR(at_px, FullSizeFromLevel(x, scale), 1.2) << level;
-      sum += at_px - FullSizeFromLevel(x, scale);
-    }
-    EXPECT_NEAR(sum / (size.width - 10), 0, 0.1) << level;
-  }
-}
-
-TEST(Levels, CoordinatesThereAndBack) {
-  for (int level = 0; level < kLevelCount; ++level) {
-    const double scale = ScaleOfLevel(level);
-    EXPECT_NEAR(LevelFromFullSize(FullSizeFromLevel(17, scale), scale), 17, 1e-12);
-    EXPECT_NEAR(FullSizeFromLevel(-0.5, scale), -0.5, 1e-12) << "edges are shared";
-  }
+  return OrbExtractor(options).Extract(BuildPyramid(image));
 }
 
 TEST(HammingDistance, CountsBits) {
@@ -67,7 +35,7 @@ TEST(HammingDistance, CountsBits) {
   EXPECT_EQ(HammingDistance(a, b), 254);
 }
 
-TEST(ExtractOrb, GivesDistinctFeaturesInsideTheImageUpToTheCount) {
+TEST(OrbExtractor, GivesDistinctFeaturesInsideTheImageUpToTheCount) {
   const cv::Mat image = Texture(640, 240, 1, 50);
   for (const int count : {0, 1, 50, 1600, 100000}) {
     const auto features = Extract(image, {.feature_count = count});
@@ -87,13 +55,13 @@ TEST(ExtractOrb, GivesDistinctFeaturesInsideTheImageUpToTheCount) {
   }
 }
 
-TEST(ExtractOrb, UsesEveryLevel) {
+TEST(OrbExtractor, UsesEveryLevel) {
   std::array<int, kLevelCount> of_level{};
   for (const Feature& feature : Extract(Texture(1226, 370, 1, 50, 4))) ++of_level.at(feature.level);
   for (int level = 0; level < kLevelCount; ++level) EXPECT_GT(of_level[level], 40) << level;
 }
 
-TEST(ExtractOrb, SpreadsOverWeakAndStrongTexture) {
+TEST(OrbExtractor, SpreadsOverWeakAndStrongTexture) {
   cv::Mat image = Texture(640, 240, 2, 60);
   Texture(320, 240, 3, 12).copyTo(image(cv::Rect(320, 0, 320, 240)));
   for (const int count : {200, 800}) {
@@ -105,20 +73,20 @@ TEST(ExtractOrb, SpreadsOverWeakAndStrongTexture) {
   }
 }
 
-TEST(ExtractOrb, KeepsTheStrongestCornerOfEachPlace) {
+TEST(OrbExtractor, KeepsTheStrongestCornerOfEachPlace) {
   const cv::Mat image = Texture(400, 200, 4, 50);
   const auto all = Extract(image, {.feature_count = 100000});
   const auto few = Extract(image, {.feature_count = 100});
   for (const Feature& feature : few) EXPECT_THAT(all, ::testing::Contains(feature));
 }
 
-TEST(ExtractOrb, IsDeterministic) {
+TEST(OrbExtractor, IsDeterministic) {
   const cv::Mat image = WithNoise(Texture(640, 240, 5, 30), 3, 6);
   const auto first = Extract(image);
   for (int n = 0; n < 3; ++n) EXPECT_EQ(Extract(image.clone()), first);
 }
 
-TEST(ExtractOrb, DescriptorsMoveWithTheImage) {
+TEST(OrbExtractor, DescriptorsMoveWithTheImage) {
   const cv::Mat large = Texture(420, 260, 7, 50);
   const cv::Rect here(0, 0, 400, 240), there(11, 7, 400, 240);
   std::map<std::pair<float, float>, Descriptor> first;
@@ -139,7 +107,7 @@ TEST(ExtractOrb, DescriptorsMoveWithTheImage) {
   EXPECT_GT(compared, 300u);
 }
 
-TEST(ExtractOrb, DescriptorsTellPlacesApartAndBearNoise) {
+TEST(OrbExtractor, DescriptorsTellPlacesApartAndBearNoise) {
   const cv::Mat image = Texture(400, 240, 8, 50);
   std::map<std::pair<float, float>, Descriptor> clean;
   for (const Feature& feature : Extract(image)) {
@@ -160,7 +128,7 @@ TEST(ExtractOrb, DescriptorsTellPlacesApartAndBearNoise) {
   EXPECT_GT(other[other.size() / 1000], 60) << "one in a thousand is nearer";
 }
 
-TEST(ExtractOrb, TakesImagesOfAnySize) {
+TEST(OrbExtractor, TakesImagesOfAnySize) {
   for (const auto& [width, height] :
        {std::array{1, 1}, {2, 300}, {300, 2}, {31, 31}, {33, 33}, {64, 32}, {65, 34}, {97, 41}}) {
     for (const Feature& feature : Extract(RandomPixels(width, height, 1))) {

@@ -2,22 +2,26 @@
 
 #include <tbb/parallel_invoke.h>
 
+#include <utility>
+
 #include "carmap/base/stopwatch.h"
-#include "carmap/feature/image_pyramid.h"
 
 namespace carmap {
 
-std::vector<Feature> ExtractStereoFeatures(const cv::Mat& left, const cv::Mat& right,
-                                           const StereoRig& rig, const FrontEndOptions& options,
-                                           FrontEndTimes* times) {
-  ImagePyramid left_pyramid, right_pyramid;
+std::vector<Feature> StereoFrontEnd::Extract(const cv::Mat& left, const cv::Mat& right,
+                                             FrontEndTimes* times) {
   const Stopwatch watch;
-  tbb::parallel_invoke([&] { left_pyramid = BuildPyramid(left); },
-                       [&] { right_pyramid = BuildPyramid(right); });
-  const double pyramid_ms = watch.ElapsedMs();
-  std::vector<Feature> features = ExtractOrb(left_pyramid, options.orb);
+  double pyramid_ms = 0;
+  std::vector<Feature> features;
+  tbb::parallel_invoke(
+      [&] {
+        left_ = BuildPyramid(left, std::move(left_));
+        pyramid_ms = watch.ElapsedMs();
+        features = orb_.Extract(left_);
+      },
+      [&] { right_ = BuildPyramid(right, std::move(right_)); });
   const double extract_ms = watch.ElapsedMs();
-  MatchStereo(left_pyramid, right_pyramid, rig, options.stereo, features);
+  MatchStereo(left_, right_, rig_, options_.stereo, features);
   if (times) {
     *times = {pyramid_ms, extract_ms - pyramid_ms, watch.ElapsedMs() - extract_ms};
   }

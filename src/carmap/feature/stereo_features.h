@@ -16,14 +16,28 @@ struct FrontEndOptions {
   StereoOptions stereo;
 };
 
-/// Wall-clock time of the front end's stages.
+/// Wall-clock time of the front end's stages. The right image's pyramid is built beside what is
+/// done with the left image, `pyramid_ms` and `extract_ms`.
 struct FrontEndTimes {
   double pyramid_ms = 0, extract_ms = 0, stereo_ms = 0;
 };
 
-/// Thread-safe; uses all cores for one frame. The result does not depend on how many there are.
-std::vector<Feature> ExtractStereoFeatures(const cv::Mat& left, const cv::Mat& right,
-                                           const StereoRig& rig, const FrontEndOptions& options,
-                                           FrontEndTimes* times = nullptr);
+/// For one frame at a time, on all cores; the result does not depend on how many there are. Its
+/// working memory is kept for the next frame.
+class StereoFrontEnd {
+ public:
+  explicit StereoFrontEnd(const StereoRig& rig, const FrontEndOptions& options = {})
+      : rig_(rig), options_(options), orb_(options.orb) {}
+
+  /// Images: CV_8UC1 of the rig's size, rectified.
+  std::vector<Feature> Extract(const cv::Mat& left, const cv::Mat& right,
+                               FrontEndTimes* times = nullptr);
+
+ private:
+  const StereoRig rig_;
+  const FrontEndOptions options_;
+  OrbExtractor orb_;
+  ImagePyramid left_, right_;
+};
 
 }  // namespace carmap

@@ -6,15 +6,15 @@
 
 #include "carmap/feature/feature.h"
 #include "carmap/feature/image_pyramid.h"
+#include "carmap/feature/patch_search.h"
 #include "carmap/geometry/camera.h"
 
 namespace carmap {
 
 struct StereoOptions {
-  double min_depth_m = 1.8;        ///< nearer points are not looked for
-  double min_disparity_px = 0.4;   ///< smaller ones say too little of the depth
-  int max_mean_difference = 25;    ///< of the patches' grey values at the best match
-  double uniqueness = 1.2;         ///< the second best place must be worse by this factor
+  double min_depth_m = 1.8;       ///< nearer points are not looked for
+  double min_disparity_px = 0.4;  ///< smaller ones say too little of the depth
+  PatchSearchOptions search;
   double max_row_offset_px = 1.2;  ///< at the feature's level, after refinement
   /// Features so near, at the feature's level, that are so much nearer or farther, as a part of its
   /// disparity and in pixels of its level, show that it lies at the edge of a thing.

@@ -19,7 +19,7 @@ StereoRig RigOfSize(int width, int height) {
 
 std::vector<Feature> Match(const cv::Mat& left, const cv::Mat& right,
                            const StereoOptions& options = {}) {
-  return ExtractStereoFeatures(left, right, RigOfSize(left.cols, left.rows), {.stereo = options});
+  return StereoFrontEnd(RigOfSize(left.cols, left.rows), {.stereo = options}).Extract(left, right);
 }
 
 /// Features whose patch is inside the right image too.

@@ -118,7 +118,7 @@ class FrontEndStage {
  public:
   FrontEndStage(FrameSource& source, const FrontEndOptions& options, bool sequential)
       : source_(source),
-        options_(options),
+        front_end_(source.rig(), options),
         reader_(source, /*sequential=*/true),  // a thread of its own would slow the front end's
         frames_(source.frame_count(), sequential, [this] { return Extract(); }) {}
 
@@ -144,13 +144,13 @@ class FrontEndStage {
     const Stopwatch watch;
     result.gps = frame.gps;
     result.features = std::make_shared<const std::vector<Feature>>(
-        ExtractStereoFeatures(frame.left, frame.right, source_.rig(), options_, &result.times));
+        front_end_.Extract(frame.left, frame.right, &result.times));
     result.front_end_ms = watch.ElapsedMs();
     return result;
   }
 
   FrameSource& source_;
-  const FrontEndOptions options_;
+  StereoFrontEnd front_end_;
   size_t count_ = 0;
   cv::Mat previous_left_;
   ReadAhead reader_;
