@@ -24,7 +24,7 @@ endif()
 if(CARMAP_SANITIZE MATCHES "thread")
   # Every program, that is; libraries pass it on.
   target_sources(carmap_flags INTERFACE
-    $<$<STREQUAL:$<TARGET_PROPERTY:TYPE>,EXECUTABLE>:${PROJECT_SOURCE_DIR}/tests/one_tbb_thread.cc>)
+    $<$<STREQUAL:$<TARGET_PROPERTY:TYPE>,EXECUTABLE>:${PROJECT_SOURCE_DIR}/tests/thread_sanitizer.cc>)
   target_link_libraries(carmap_flags INTERFACE TBB::tbb)
 endif()
 
