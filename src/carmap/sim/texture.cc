@@ -221,7 +221,7 @@ void Textures::LookUpTiles(const TextureSpots& spots, const Looks& looks, int ma
 
 void Textures::LookUp(const TextureSpots& spots, int count, float* brightness) const {
   if (count <= 0) return;
-  Looks looks;
+  Looks looks{};
   const int padded = (count + 7) / 8 * 8;
   for (int k = 0; k < padded; ++k) {
     const Layers& layers = layers_[static_cast<int>(spots.pattern[k])];
