@@ -72,8 +72,8 @@ std::vector<Corner> SpreadEvenly(const std::vector<Corner>& corners, const cv::S
   for (const Corner& corner : corners) by_score[corner.score].push_back(corner);
   std::vector<int> taken_of_cell(static_cast<size_t>(columns) * rows, 0);
   std::vector<std::vector<Corner>> by_rank;
-  for (auto of_score = by_score.rbegin(); of_score != by_score.rend(); ++of_score) {
-    for (const Corner& corner : *of_score) {
+  for (size_t score = by_score.size(); score-- > 0;) {
+    for (const Corner& corner : by_score[score]) {
       const size_t rank = taken_of_cell[(corner.y / cell_px) * columns + corner.x / cell_px]++;
       if (rank >= by_rank.size()) by_rank.emplace_back();
       by_rank[rank].push_back(corner);
