@@ -165,8 +165,11 @@ cv::Mat RenderHistograms(const std::string& title, const std::string& first_name
   canvas.Text(title, {kMarginPx, 34}, kTitlePx, kBlack, Anchor::kLeft);
   DrawLegend(first_name, second_name, canvas);
   for (size_t i = 0; i < panels.size(); ++i) {
-    const auto row = static_cast<double>(i / kColumns), column = static_cast<double>(i % kColumns);
-    DrawPanel(panels[i], {kMarginPx + column * pitch_x, kTopPx + row * pitch_y}, canvas);
+    const size_t row = i / kColumns, column = i % kColumns;
+    DrawPanel(panels[i],
+              {kMarginPx + static_cast<double>(column) * pitch_x,
+               kTopPx + static_cast<double>(row) * pitch_y},
+              canvas);
   }
   return canvas.Finish();
 }

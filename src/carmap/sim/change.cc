@@ -185,9 +185,9 @@ class Drawing {
 
   void RemoveSomething(double begin_m, double end_m) {
     std::vector<size_t> trees, others;
-    for (size_t i = 0; i < removable_.size(); ++i) {
-      if (removable_[i].along_m < begin_m || removable_[i].along_m >= end_m) continue;
-      (removable_[i].is_tree ? trees : others).push_back(removable_[i].object_idx);
+    for (const auto& [along_m, object_idx, is_tree] : removable_) {
+      if (along_m < begin_m || along_m >= end_m) continue;
+      (is_tree ? trees : others).push_back(object_idx);
     }
     const bool tree = others.empty() || (!trees.empty() && draw_.Chance(0.4));
     const std::vector<size_t>& from = tree ? trees : others;

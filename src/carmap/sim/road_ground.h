@@ -59,7 +59,7 @@ class RoadGround final : public GroundMap {
   struct Tile {
     std::array<RoadTexel, (kTileTexels + 1) * (kTileTexels + 1)> texels;
     const RoadTexel& At(int column, int row) const {
-      return texels[static_cast<size_t>(row * (kTileTexels + 1) + column)];
+      return texels[static_cast<size_t>(row) * (kTileTexels + 1) + static_cast<size_t>(column)];
     }
   };
   int tile_columns() const { return tile_columns_; }
