@@ -175,7 +175,8 @@ void RoadGround::Rasterize(const RoadNetwork& roads) {
     tiles_[i] = std::make_unique<Tile>();
     for (int row = 0; row <= kTileTexels; ++row) {
       for (int column = 0; column <= kTileTexels; ++column) {
-        tiles_[i]->texels[static_cast<size_t>(row * (kTileTexels + 1) + column)] =
+        tiles_[i]
+            ->texels[static_cast<size_t>(row) * (kTileTexels + 1) + static_cast<size_t>(column)] =
             TexelAt(roads, stretches[i], corner + kTexelM * Eigen::Vector2d(column, row));
       }
     }
@@ -356,8 +357,7 @@ void RoadGround::PaintDecals(const Eigen::Vector2f& p, const Eigen::Vector2f& fo
       cell.y() >= static_cast<float>(decal_rows_)) {
     return;
   }
-  const auto idx =
-      static_cast<size_t>(static_cast<int>(cell.y()) * decal_columns_ + static_cast<int>(cell.x()));
+  const auto idx = static_cast<size_t>(cell.y()) * decal_columns_ + static_cast<size_t>(cell.x());
   const float short_m = ShortAxis(footprint_m);
   for (uint32_t i = decal_begin_[idx]; i < decal_begin_[idx + 1]; ++i) {
     const Decal& decal = decals_[decal_idxs_[i]];
