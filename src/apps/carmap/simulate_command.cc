@@ -274,8 +274,9 @@ frame, x east, y north, z up) and gps.txt; world.json tells options, frame, mode
 and GPS, and what was changed. Drives with the same scene, path, length and seed are of one world
 and share its frame.
 
-The same options give the same bytes. Frames are written as they are rendered; run the same command
-again to continue after an interruption. A folder that holds anything else is left untouched.
+The same options give the same bytes on one kind of processor. Frames are written as they
+are rendered; run the same command again to continue after an interruption. A folder that holds
+anything else is left untouched.
 
 Examples:
   carmap simulate --out empty --scene suburb --traffic none --frames 100

@@ -8,13 +8,25 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#ifndef CARMAP_FEATURE_IMAGE_PYRAMID_CC  // this file is read once for each kind of processor
-#define CARMAP_FEATURE_IMAGE_PYRAMID_CC
-namespace carmap {
+// What follows is compiled once for each kind of processor; the best of them runs.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "carmap/feature/image_pyramid.cc"
+#include <hwy/foreach_target.h>
+// After it:
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace carmap::HWY_NAMESPACE {
 namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr int kMaxLanes = 8;
 constexpr int kBlock = 16;  // pixels that so many of the next level lie between
+using Whole = hn::CappedTag<int32_t, kMaxLanes>;
+using Bytes = hn::Repartition<uint8_t, Whole>;
+using Halves = hn::Rebind<int16_t, Whole>;
+using Words = hn::CappedTag<int16_t, 2 * kMaxLanes>;
 
 /// For each pixel of a row (or column) the one before its place in the larger image, and the
 /// weights of that and of the next, in 2048ths.
@@ -33,27 +45,6 @@ struct Interpolation {
     }
   }
 };
-
-}  // namespace
-}  // namespace carmap
-#endif
-
-// What follows is compiled once for each kind of processor; the best of them runs.
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "carmap/feature/image_pyramid.cc"
-#include <hwy/foreach_target.h>
-// After it:
-#include <hwy/highway.h>
-
-HWY_BEFORE_NAMESPACE();
-namespace carmap::HWY_NAMESPACE {
-namespace {
-
-namespace hn = hwy::HWY_NAMESPACE;
-using Whole = hn::CappedTag<int32_t, kMaxLanes>;
-using Bytes = hn::Repartition<uint8_t, Whole>;
-using Halves = hn::Rebind<int16_t, Whole>;
-using Words = hn::CappedTag<int16_t, 2 * kMaxLanes>;
 
 /// Weighted means of neighbours along a row, in 128ths of a grey value. A vector of them lies
 /// within one block of the larger row, out of which its pixels are picked.
@@ -132,16 +123,6 @@ void ShrinkImage(const cv::Mat& large, cv::Mat& small) {
   }
 }
 
-}  // namespace
-}  // namespace carmap::HWY_NAMESPACE
-HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-namespace carmap {
-namespace {
-
-HWY_EXPORT(ShrinkImage);
-
 /// As cv::resize does, in less time.
 void ShrinkByOneLevel(const cv::Mat& large, cv::Mat& small) {
   const cv::Size size(cvRound(large.cols / kLevelScale), cvRound(large.rows / kLevelScale));
@@ -150,18 +131,24 @@ void ShrinkByOneLevel(const cv::Mat& large, cv::Mat& small) {
     return;
   }
   small.create(size, CV_8UC1);
-  HWY_DYNAMIC_DISPATCH(ShrinkImage)(large, small);
+  ShrinkImage(large, small);
 }
 
 }  // namespace
+}  // namespace carmap::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
 
-ImagePyramid BuildPyramid(const cv::Mat& image, ImagePyramid old) {
-  ImagePyramid& pyramid = old;
+#if HWY_ONCE
+namespace carmap {
+
+HWY_EXPORT(ShrinkByOneLevel);
+
+ImagePyramid BuildPyramid(const cv::Mat& image, ImagePyramid pyramid) {
   pyramid[0] = image;
   for (int level = 1; level < kLevelCount; ++level) {
-    ShrinkByOneLevel(pyramid[level - 1], pyramid[level]);
+    HWY_DYNAMIC_DISPATCH(ShrinkByOneLevel)(pyramid[level - 1], pyramid[level]);
   }
-  return old;
+  return pyramid;
 }
 
 }  // namespace carmap

@@ -13,7 +13,7 @@ namespace carmap {
 using ImagePyramid = std::array<cv::Mat, kLevelCount>;
 
 /// Level 0 is `image` itself (8-bit grey), shared. Levels are filtered bilinearly. The memory of
-/// `old` levels is used again where sizes agree: their pixels, of copies too, are overwritten.
-ImagePyramid BuildPyramid(const cv::Mat& image, ImagePyramid old = {});
+/// the levels of `pyramid` is used again where sizes agree: their pixels, of copies too, are lost.
+ImagePyramid BuildPyramid(const cv::Mat& image, ImagePyramid pyramid = {});
 
 }  // namespace carmap

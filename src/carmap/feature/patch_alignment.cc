@@ -6,10 +6,18 @@
 #include <cmath>
 #include <numeric>
 
-#ifndef CARMAP_FEATURE_PATCH_ALIGNMENT_CC  // this file is read once for each kind of processor
-#define CARMAP_FEATURE_PATCH_ALIGNMENT_CC
-namespace carmap {
+// What follows is compiled once for each kind of processor; the best of them runs.
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "carmap/feature/patch_alignment.cc"
+#include <hwy/foreach_target.h>
+// After it:
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace carmap::HWY_NAMESPACE {
 namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
 
 constexpr int kRadius = kAlignmentRadius;
 constexpr int kSide = 2 * kRadius + 1;
@@ -36,10 +44,14 @@ struct PatchWeights {
     }
     sum = Sum(sums);
   }
+  static const PatchWeights& Get() {
+    static const PatchWeights weights;
+    return weights;
+  }
+
   PatchValues of_pixel{};
   float sum = 0;
 };
-const PatchWeights kWeights;
 
 /// The patch of the left image with its gradients, made once and compared with several places of
 /// the right image.
@@ -48,22 +60,6 @@ struct PatchTemplate {
   Eigen::Matrix3f inverse;  ///< of the normal equations in x, y and brightness
 };
 
-}  // namespace
-}  // namespace carmap
-#endif
-
-// What follows is compiled once for each kind of processor; the best of them runs.
-#undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "carmap/feature/patch_alignment.cc"
-#include <hwy/foreach_target.h>
-// After it:
-#include <hwy/highway.h>
-
-HWY_BEFORE_NAMESPACE();
-namespace carmap::HWY_NAMESPACE {
-namespace {
-
-namespace hn = hwy::HWY_NAMESPACE;
 using Floats = hn::CappedTag<float, kLanes>;
 
 hn::Vec<Floats> LoadGreys(const uint8_t* pixels) {
@@ -78,13 +74,14 @@ PatchTemplate MakeTemplate(const cv::Mat& image, int x, int y) {
   const Floats f;
   const auto step = static_cast<ptrdiff_t>(image.step[0]);
   const auto half = hn::Set(f, 0.5f);
+  const PatchWeights& weights = PatchWeights::Get();
   PatchTemplate patch;
   std::array<PatchRow, 5> sums;
   for (size_t i = 0; i < kLanes; i += hn::Lanes(f)) {
     auto xx = hn::Zero(f), xy = xx, yy = xx, x1 = xx, y1 = xx;
     for (int row = 0; row < kSide; ++row) {
       const uint8_t* p = image.ptr<uint8_t>(y - kRadius + row, x - kRadius) + i;
-      const auto weight = hn::LoadU(f, &kWeights.of_pixel[row][i]);
+      const auto weight = hn::LoadU(f, &weights.of_pixel[row][i]);
       const auto gx = hn::Mul(half, hn::Sub(LoadGreys(p + 1), LoadGreys(p - 1)));
       const auto gy = hn::Mul(half, hn::Sub(LoadGreys(p + step), LoadGreys(p - step)));
       const auto weighted_gx = hn::Mul(weight, gx), weighted_gy = hn::Mul(weight, gy);
@@ -106,7 +103,7 @@ PatchTemplate MakeTemplate(const cv::Mat& image, int x, int y) {
   const float xx = Sum(sums[0]), xy = Sum(sums[1]), yy = Sum(sums[2]), x1 = Sum(sums[3]),
               y1 = Sum(sums[4]);
   Eigen::Matrix3f normal;
-  normal << xx, xy, x1, xy, yy, y1, x1, y1, kWeights.sum;
+  normal << xx, xy, x1, xy, yy, y1, x1, y1, weights.sum;
   patch.inverse = (normal + 1e-3f * Eigen::Matrix3f::Identity()).inverse();
   return patch;
 }
@@ -119,6 +116,7 @@ Eigen::Vector2d StepTowards(const PatchTemplate& patch, const cv::Mat& image, do
   const auto fx = static_cast<float>(x - x0), fy = static_cast<float>(y - y0);
   const auto w00 = hn::Set(f, (1 - fx) * (1 - fy)), w01 = hn::Set(f, fx * (1 - fy)),
              w10 = hn::Set(f, (1 - fx) * fy), w11 = hn::Set(f, fx * fy);
+  const PatchWeights& weights = PatchWeights::Get();
   std::array<PatchRow, 3> sums;
   for (size_t i = 0; i < kLanes; i += hn::Lanes(f)) {
     const uint8_t* p = image.ptr<uint8_t>(y0 - kRadius, x0 - kRadius) + i;
@@ -133,7 +131,7 @@ Eigen::Vector2d StepTowards(const PatchTemplate& patch, const cv::Mat& image, do
       const auto error = hn::Sub(hn::LoadU(f, &patch.grey[row][i]), grey);
       sum_x = hn::Add(sum_x, hn::Mul(error, hn::LoadU(f, &patch.weighted_gx[row][i])));
       sum_y = hn::Add(sum_y, hn::Mul(error, hn::LoadU(f, &patch.weighted_gy[row][i])));
-      sum_1 = hn::Add(sum_1, hn::Mul(error, hn::LoadU(f, &kWeights.of_pixel[row][i])));
+      sum_1 = hn::Add(sum_1, hn::Mul(error, hn::LoadU(f, &weights.of_pixel[row][i])));
       above = below;
       above_right = below_right;
     }
@@ -146,35 +144,16 @@ Eigen::Vector2d StepTowards(const PatchTemplate& patch, const cv::Mat& image, do
       .cast<double>();
 }
 
-}  // namespace
-}  // namespace carmap::HWY_NAMESPACE
-HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-namespace carmap {
-namespace {
-
-HWY_EXPORT(MakeTemplate);
-HWY_EXPORT(StepTowards);
-
-}  // namespace
-
-bool CanAlign(const cv::Mat& image, int x, int y) {
-  return x >= kRadius + 1 && x < image.cols - kAlignmentRightPx && y >= kRadius + 1 &&
-         y < image.rows - kRadius - 1;
-}
-
 std::optional<Eigen::Vector2d> AlignPatch(const cv::Mat& left, int x, int y, const cv::Mat& right,
                                           const Eigen::Vector2d& start, double max_offset_px) {
-  const PatchTemplate patch = HWY_DYNAMIC_DISPATCH(MakeTemplate)(left, x, y);
+  const PatchTemplate patch = MakeTemplate(left, x, y);
   Eigen::Vector2d place = start;
   for (int iteration = 0; iteration < 6; ++iteration) {
     if (place.x() < kRadius + 1 || place.x() > right.cols - kAlignmentRightPx - 2 ||
         place.y() < kRadius + 1 || place.y() > right.rows - kRadius - 3) {
       return std::nullopt;
     }
-    const Eigen::Vector2d step =
-        HWY_DYNAMIC_DISPATCH(StepTowards)(patch, right, place.x(), place.y());
+    const Eigen::Vector2d step = StepTowards(patch, right, place.x(), place.y());
     place += step;
     if (!((place - start).cwiseAbs().maxCoeff() < std::max(1.5, max_offset_px)))
       return std::nullopt;
@@ -182,6 +161,25 @@ std::optional<Eigen::Vector2d> AlignPatch(const cv::Mat& left, int x, int y, con
   }
   if (std::abs(place.y() - y) > max_offset_px) return std::nullopt;
   return place;
+}
+
+}  // namespace
+}  // namespace carmap::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace carmap {
+
+HWY_EXPORT(AlignPatch);
+
+bool CanAlign(const cv::Mat& image, int x, int y) {
+  return x >= kAlignmentRadius + 1 && x < image.cols - kAlignmentRightPx &&
+         y >= kAlignmentRadius + 1 && y < image.rows - kAlignmentRadius - 1;
+}
+
+std::optional<Eigen::Vector2d> AlignPatch(const cv::Mat& left, int x, int y, const cv::Mat& right,
+                                          const Eigen::Vector2d& start, double max_offset_px) {
+  return HWY_DYNAMIC_DISPATCH(AlignPatch)(left, x, y, right, start, max_offset_px);
 }
 
 }  // namespace carmap

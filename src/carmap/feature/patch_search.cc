@@ -3,14 +3,6 @@
 #include <algorithm>
 #include <limits>
 
-#ifndef CARMAP_FEATURE_PATCH_SEARCH_CC  // this file is read once for each kind of processor
-#define CARMAP_FEATURE_PATCH_SEARCH_CC
-namespace carmap {
-/// Compared at once. Those beyond the last one asked for may lie in the image's next row.
-constexpr int kMaxPlaces = 32;
-}  // namespace carmap
-#endif
-
 // What follows is compiled once for each kind of processor; the best of them runs.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "carmap/feature/patch_search.cc"
@@ -23,6 +15,9 @@ namespace carmap::HWY_NAMESPACE {
 namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
+
+/// Compared at once. Those beyond the last one asked for may lie in the image's next row.
+constexpr int kMaxPlaces = 32;
 using Bytes = hn::CappedTag<uint8_t, kMaxPlaces>;
 
 /// Sums of absolute differences between the patch around `center` and those around `places` and the
@@ -59,30 +54,17 @@ void SumDifferencesAlongRow(const cv::Mat& left, int x, int y, const cv::Mat& ri
   sums.resize(count);
 }
 
-}  // namespace
-}  // namespace carmap::HWY_NAMESPACE
-HWY_AFTER_NAMESPACE();
-
-#if HWY_ONCE
-namespace carmap {
-namespace {
-
-HWY_EXPORT(SumDifferencesAlongRow);
-
 uint16_t Least(const std::vector<uint16_t>& sums) {
   uint16_t least = std::numeric_limits<uint16_t>::max();
   for (const uint16_t sum : sums) least = std::min(least, sum);
   return least;
 }
 
-}  // namespace
-
 std::optional<int> FindAlongRow(const cv::Mat& left, int x, int y, const cv::Mat& right,
                                 int x_first, int x_last, const PatchSearchOptions& options,
                                 std::vector<uint16_t>& sums) {
   if (right.cols < kMaxPlaces) return std::nullopt;
-  HWY_DYNAMIC_DISPATCH(SumDifferencesAlongRow)
-  (left, x, y, right, x_first, x_last - x_first + 1, sums);
+  SumDifferencesAlongRow(left, x, y, right, x_first, x_last - x_first + 1, sums);
   constexpr int kSide = 2 * kSearchRadius + 1, kNeighbours = 2;
   const int least = Least(sums);
   if (least > options.max_mean_difference * kSide * kSide) return std::nullopt;
@@ -92,6 +74,21 @@ std::optional<int> FindAlongRow(const cv::Mat& left, int x, int y, const cv::Mat
             std::numeric_limits<uint16_t>::max());
   if (Least(sums) <= options.uniqueness * least) return std::nullopt;
   return x_first + static_cast<int>(best - sums.begin());
+}
+
+}  // namespace
+}  // namespace carmap::HWY_NAMESPACE
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace carmap {
+
+HWY_EXPORT(FindAlongRow);
+
+std::optional<int> FindAlongRow(const cv::Mat& left, int x, int y, const cv::Mat& right,
+                                int x_first, int x_last, const PatchSearchOptions& options,
+                                std::vector<uint16_t>& scratch) {
+  return HWY_DYNAMIC_DISPATCH(FindAlongRow)(left, x, y, right, x_first, x_last, options, scratch);
 }
 
 }  // namespace carmap

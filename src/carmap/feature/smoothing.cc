@@ -6,15 +6,6 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#ifndef CARMAP_FEATURE_SMOOTHING_CC  // this file is read once for each kind of processor
-#define CARMAP_FEATURE_SMOOTHING_CC
-namespace carmap {
-namespace {
-constexpr int kRadius = 3;
-}  // namespace
-}  // namespace carmap
-#endif
-
 // What follows is compiled once for each kind of processor; the best of them runs.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "carmap/feature/smoothing.cc"
@@ -30,6 +21,8 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Words = hn::CappedTag<uint16_t, kMinSmoothedSide>;
 using Bytes = hn::Rebind<uint8_t, Words>;
 using Vector = hn::Vec<Words>;
+
+constexpr int kRadius = 3;
 
 /// Weighted sum of seven values of 8 bits, the Gaussian's weights in 256ths.
 template <typename ValueAt>

@@ -21,7 +21,7 @@ std::vector<Feature> StereoFrontEnd::Extract(const cv::Mat& left, const cv::Mat&
       },
       [&] { right_ = BuildPyramid(right, std::move(right_)); });
   const double extract_ms = watch.ElapsedMs();
-  MatchStereo(left_, right_, rig_, options_.stereo, features);
+  MatchStereo(left_, right_, rig_, stereo_options_, features);
   if (times) {
     *times = {pyramid_ms, extract_ms - pyramid_ms, watch.ElapsedMs() - extract_ms};
   }

@@ -27,7 +27,7 @@ struct FrontEndTimes {
 class StereoFrontEnd {
  public:
   explicit StereoFrontEnd(const StereoRig& rig, const FrontEndOptions& options = {})
-      : rig_(rig), options_(options), orb_(options.orb) {}
+      : rig_(rig), orb_(options.orb), stereo_options_(options.stereo) {}
 
   /// Images: CV_8UC1 of the rig's size, rectified.
   std::vector<Feature> Extract(const cv::Mat& left, const cv::Mat& right,
@@ -35,8 +35,8 @@ class StereoFrontEnd {
 
  private:
   const StereoRig rig_;
-  const FrontEndOptions options_;
   OrbExtractor orb_;
+  const StereoOptions stereo_options_;
   ImagePyramid left_, right_;
 };
 

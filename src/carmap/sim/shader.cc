@@ -73,7 +73,7 @@ class Caster {
   Done done_;
   RTCIntersectContext context_;
   alignas(32) int valid_[kLanes];
-  Packet packet_;
+  Packet packet_{};  ///< unused lanes too: where packets of eight are split, Embree looks at them
   int indices_[kLanes];
   int filled_ = 0;
 };
