@@ -27,11 +27,21 @@ struct Feature {
   float x_px = 0, y_px = 0;
   float disparity_px = kNoDisparity;  ///< u_left - u_right > 0, or kNoDisparity
   uint8_t level = 0;                  ///< of the image pyramid; 0 is full size
+  /// Index, in the frame, of the feature at a finer level that shows the same corner; kNoTwin if
+  /// there is none (LinkTwins).
+  uint16_t twin_idx = kNoTwin;
   Descriptor descriptor;
 
   static constexpr float kNoDisparity = -1;
+  static constexpr uint16_t kNoTwin = 0xffff;
   bool has_disparity() const { return disparity_px > 0; }
 };
+
+/// Index of the feature that stands for the corner that feature `idx` of a frame shows: equal for
+/// all features of one corner.
+inline uint32_t CornerOf(const std::vector<Feature>& features, uint32_t idx) {
+  return features[idx].twin_idx == Feature::kNoTwin ? idx : features[idx].twin_idx;
+}
 
 /// Size ratio of neighbouring pyramid levels. Fixed: maps of all vehicles must agree on it.
 inline constexpr double kLevelScale = 1.2;

@@ -22,18 +22,36 @@ struct FrontEndTimes {
   double pyramid_ms = 0, extract_ms = 0, stereo_ms = 0;
 };
 
+/// How many times the images of a camera are enlarged before features are looked for. A corner of
+/// a small image can be placed better, and nearer to the border, than the detector's whole pixels
+/// and the signature's patch allow.
+int EnlargementFor(const PinholeCamera& camera);
+
+/// The rig whose images are so many times larger.
+StereoRig Enlarged(const StereoRig& rig, int factor);
+
 /// For one frame at a time, on all cores; the result does not depend on how many there are. Its
 /// working memory is kept for the next frame.
 class StereoFrontEnd {
  public:
-  explicit StereoFrontEnd(const StereoRig& rig, const FrontEndOptions& options = {})
-      : rig_(rig), orb_(options.orb), stereo_options_(options.stereo) {}
+  explicit StereoFrontEnd(const StereoRig& camera_rig, const FrontEndOptions& options = {})
+      : enlargement_(EnlargementFor(camera_rig.camera)),
+        rig_(Enlarged(camera_rig, enlargement_)),
+        orb_(options.orb),
+        stereo_options_(options.stereo) {}
 
-  /// Images: CV_8UC1 of the rig's size, rectified.
+  /// The rig in whose pixels features are: the camera's, enlarged if its images are small.
+  const StereoRig& rig() const { return rig_; }
+
+  /// Images: CV_8UC1 of the camera's size, rectified.
   std::vector<Feature> Extract(const cv::Mat& left, const cv::Mat& right,
                                FrontEndTimes* times = nullptr);
 
+  /// An image of the camera at the size in which features are.
+  cv::Mat AtFeatureSize(const cv::Mat& image) const;
+
  private:
+  const int enlargement_;
   const StereoRig rig_;
   OrbExtractor orb_;
   const StereoOptions stereo_options_;

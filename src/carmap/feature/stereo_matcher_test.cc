@@ -7,7 +7,6 @@
 #include <cmath>
 
 #include "carmap/feature/orb_extractor.h"
-#include "carmap/feature/stereo_features.h"
 #include "carmap/feature/test_images.h"
 
 namespace carmap {
@@ -19,7 +18,10 @@ StereoRig RigOfSize(int width, int height) {
 
 std::vector<Feature> Match(const cv::Mat& left, const cv::Mat& right,
                            const StereoOptions& options = {}) {
-  return StereoFrontEnd(RigOfSize(left.cols, left.rows), {.stereo = options}).Extract(left, right);
+  const ImagePyramid left_pyramid = BuildPyramid(left), right_pyramid = BuildPyramid(right);
+  std::vector<Feature> features = OrbExtractor().Extract(left_pyramid);
+  MatchStereo(left_pyramid, right_pyramid, RigOfSize(left.cols, left.rows), options, features);
+  return features;
 }
 
 /// Features whose patch is inside the right image too.

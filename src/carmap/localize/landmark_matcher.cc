@@ -5,6 +5,8 @@
 #include <limits>
 #include <optional>
 
+#include "carmap/feature/twins.h"
+
 namespace carmap {
 namespace {
 
@@ -37,62 +39,78 @@ std::optional<Projection> Project(const SnapshotLandmark& landmark, const Stereo
   return Projection{uvd, PredictLevel(landmark, distance)};
 }
 
-struct BestTwo {
-  int best = std::numeric_limits<int>::max(), second = std::numeric_limits<int>::max();
-  uint32_t best_idx = kNone;
-
-  void Offer(uint32_t idx, int distance) {
-    if (distance < best) {
-      second = best;
-      best = distance;
-      best_idx = idx;
-    } else if (distance < second) {
-      second = distance;
-    }
-  }
-  bool IsClear(int max_distance, double max_ratio) const {
-    return best <= max_distance && best < max_ratio * second;
-  }
+/// A feature that may be the landmark.
+struct Candidate {
+  uint32_t feature_idx = kNone;
+  int bits = std::numeric_limits<int>::max();
 };
 
-BestTwo SearchWindow(const SnapshotLandmark& landmark, const Projection& projection,
-                     const FeatureGrid& grid, const ProjectionMatchOptions& options) {
+/// The candidate that resembles the landmark most, if none at another place resembles it nearly as
+/// much: the same corner found at another level is no rival.
+std::optional<Candidate> ClearlyBest(const std::vector<Candidate>& candidates,
+                                     const std::vector<Feature>& features, int max_bits,
+                                     double max_ratio) {
+  const auto best =
+      std::min_element(candidates.begin(), candidates.end(),
+                       [](const Candidate& a, const Candidate& b) { return a.bits < b.bits; });
+  if (best == candidates.end() || best->bits > max_bits) return std::nullopt;
+  const Feature& feature = features[best->feature_idx];
+  for (const Candidate& other : candidates) {
+    if (best->bits < max_ratio * other.bits) continue;
+    const Feature& rival = features[other.feature_idx];
+    const double place_px = TwinRadiusPx(std::max(feature.level, rival.level));
+    if (std::abs(feature.x_px - rival.x_px) > place_px ||
+        std::abs(feature.y_px - rival.y_px) > place_px) {
+      return std::nullopt;
+    }
+  }
+  return *best;
+}
+
+/// Features around the projection, at about its level and with a disparity that agrees.
+void SearchWindow(const SnapshotLandmark& landmark, const Projection& projection,
+                  const StereoRig& rig, const FeatureGrid& grid,
+                  const ProjectionMatchOptions& options, std::vector<Candidate>& candidates) {
+  candidates.clear();
   const double level = std::clamp<double>(projection.level, 0, kLevelCount - 1);
-  const double radius = options.radius_px * std::pow(kLevelScale, level);
-  BestTwo found;
+  const double px_per_m = projection.uvd.z() / rig.baseline_m;  // at the landmark's distance
+  const double radius =
+      options.radius_px * std::pow(kLevelScale, level) + options.position_radius_m * px_per_m;
   grid.VisitNear(projection.uvd.x(), projection.uvd.y(), radius, [&](uint32_t feature_idx) {
     const Feature& feature = grid.features()[feature_idx];
     if (std::abs(feature.level - level) > options.max_level_difference) return;
     if (feature.has_disparity() && std::abs(feature.disparity_px - projection.uvd.z()) > radius)
       return;
-    found.Offer(feature_idx, HammingDistance(landmark.descriptor, feature.descriptor));
+    candidates.push_back({feature_idx, HammingDistance(landmark.descriptor, feature.descriptor)});
   });
-  return found;
 }
 
-/// Gives each feature to the landmark nearest in appearance.
+/// Gives each corner of the frame to the landmark nearest in appearance.
 class Assignment {
  public:
-  explicit Assignment(size_t feature_count)
-      : landmark_of_(feature_count, kNone), distance_of_(feature_count, 0) {}
+  explicit Assignment(const std::vector<Feature>& features)
+      : features_(features), of_corner_(features.size()) {}
 
-  void Offer(uint32_t landmark_idx, uint32_t feature_idx, int distance) {
-    if (landmark_of_[feature_idx] == kNone || distance < distance_of_[feature_idx]) {
-      landmark_of_[feature_idx] = landmark_idx;
-      distance_of_[feature_idx] = distance;
-    }
+  void Offer(uint32_t landmark_idx, const Candidate& candidate) {
+    Match& match = of_corner_[CornerOf(features_, candidate.feature_idx)];
+    if (candidate.bits < match.feature.bits) match = {landmark_idx, candidate};
   }
   std::vector<LandmarkMatch> Matches() const {
     std::vector<LandmarkMatch> matches;
-    for (uint32_t i = 0; i < landmark_of_.size(); ++i) {
-      if (landmark_of_[i] != kNone) matches.push_back({landmark_of_[i], i});
+    for (const Match& match : of_corner_) {
+      if (match.feature.feature_idx != kNone)
+        matches.push_back({match.landmark_idx, match.feature.feature_idx});
     }
     return matches;
   }
 
  private:
-  std::vector<uint32_t> landmark_of_;
-  std::vector<int> distance_of_;
+  struct Match {
+    uint32_t landmark_idx = kNone;
+    Candidate feature;
+  };
+  const std::vector<Feature>& features_;
+  std::vector<Match> of_corner_;
 };
 
 }  // namespace
@@ -111,15 +129,16 @@ std::vector<LandmarkMatch> MatchByProjection(const MapSnapshot& map,
                                              const ProjectionMatchOptions& options) {
   const Eigen::Vector3d center_in_map = camera_from_map.Inverse().translation;
   const double min_cosine = std::cos(options.max_viewing_angle_rad);
-  Assignment assignment(grid.features().size());
+  Assignment assignment(grid.features());
+  std::vector<Candidate> candidates;
   for (const uint32_t landmark_idx : landmark_idxs) {
     const SnapshotLandmark& landmark = map.landmarks[landmark_idx];
     const auto projection = Project(landmark, rig, camera_from_map, center_in_map, min_cosine);
     if (!projection) continue;
-    const BestTwo found = SearchWindow(landmark, *projection, grid, options);
-    if (found.IsClear(options.max_distance_bits, options.max_ratio)) {
-      assignment.Offer(landmark_idx, found.best_idx, found.best);
-    }
+    SearchWindow(landmark, *projection, rig, grid, options, candidates);
+    const auto best =
+        ClearlyBest(candidates, grid.features(), options.max_distance_bits, options.max_ratio);
+    if (best) assignment.Offer(landmark_idx, *best);
   }
   return assignment.Matches();
 }
@@ -128,16 +147,16 @@ std::vector<LandmarkMatch> MatchByAppearance(const MapSnapshot& map,
                                              const std::vector<uint32_t>& landmark_idxs,
                                              const std::vector<Feature>& features,
                                              const AppearanceMatchOptions& options) {
-  Assignment assignment(features.size());
+  Assignment assignment(features);
+  std::vector<Candidate> candidates(features.size());
   for (const uint32_t landmark_idx : landmark_idxs) {
     const Descriptor& descriptor = map.landmarks[landmark_idx].descriptor;
-    BestTwo found;
     for (uint32_t i = 0; i < features.size(); ++i) {
-      found.Offer(i, HammingDistance(descriptor, features[i].descriptor));
+      candidates[i] = {i, HammingDistance(descriptor, features[i].descriptor)};
     }
-    if (found.IsClear(options.max_distance_bits, options.max_ratio)) {
-      assignment.Offer(landmark_idx, found.best_idx, found.best);
-    }
+    const auto best =
+        ClearlyBest(candidates, features, options.max_distance_bits, options.max_ratio);
+    if (best) assignment.Offer(landmark_idx, *best);
   }
   return assignment.Matches();
 }

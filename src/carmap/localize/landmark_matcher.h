@@ -24,8 +24,11 @@ struct LandmarkMatch {
 struct ProjectionMatchOptions {
   double radius_px =
       4;  ///< half side of the search window at level 0; grows with the level's scale
+  /// What is not known of the camera's place, metres: the window of a landmark is as much larger as
+  /// this makes at its distance.
+  double position_radius_m = 0;
   int max_distance_bits = 75;  ///< of the signatures
-  double max_ratio = 0.85;     ///< to the second best in the window
+  double max_ratio = 0.85;     ///< to the best at another place in the window
   double max_level_difference = 1.6;
   double max_viewing_angle_rad =
       1.2;  ///< between the landmark's mean viewing direction and this one
@@ -37,8 +40,8 @@ bool IsInSight(const SnapshotLandmark& landmark, const StereoRig& rig,
                const Rigid3& camera_from_map, const ProjectionMatchOptions& options = {});
 
 /// Landmarks (those of `landmark_idxs`) matched with features near their projections, at the
-/// pyramid level that their distance predicts, with a disparity that agrees. A feature goes to the
-/// landmark that resembles it most.
+/// pyramid level that their distance predicts, with a disparity that agrees. A corner of the frame,
+/// at whatever levels it was found, goes to the landmark that resembles it most.
 std::vector<LandmarkMatch> MatchByProjection(const MapSnapshot& map,
                                              const std::vector<uint32_t>& landmark_idxs,
                                              const FeatureGrid& grid, const StereoRig& rig,
@@ -47,10 +50,11 @@ std::vector<LandmarkMatch> MatchByProjection(const MapSnapshot& map,
 
 struct AppearanceMatchOptions {
   int max_distance_bits = 64;
-  double max_ratio = 0.8;  ///< to the second best feature
+  double max_ratio = 0.8;  ///< to the best feature at another place
 };
 
-/// Landmarks matched with features anywhere in the image, mutually nearest in appearance.
+/// Landmarks matched with features anywhere in the image, each with the one nearest in appearance;
+/// a corner goes to the landmark that resembles it most.
 std::vector<LandmarkMatch> MatchByAppearance(const MapSnapshot& map,
                                              const std::vector<uint32_t>& landmark_idxs,
                                              const std::vector<Feature>& features,

@@ -109,12 +109,20 @@ TEST_F(ProjectionTest, AppearanceMustAgree) {
 }
 
 TEST_F(ProjectionTest, TheSecondBestMustBeClearlyWorse) {
-  Feature best = Seen(0, 1), second = Seen(0, -1);
+  Feature best = Seen(0, 1), second = Seen(0, -3);  // too far apart to be one corner
   best.descriptor = WithBits(best.descriptor, 40);
   second.descriptor = WithBits(second.descriptor, 45);
   EXPECT_THAT(Match({best, second}), IsEmpty());
   second.descriptor = WithBits(Seen(0).descriptor, 60);
   EXPECT_THAT(Match({second, best}), ElementsAre(LandmarkMatch{0, 1}));
+}
+
+TEST_F(ProjectionTest, TheSameCornerAtAnotherLevelIsNoRival) {
+  Feature best = Seen(0, 1), twin = Seen(0, -1);
+  best.descriptor = WithBits(best.descriptor, 40);
+  twin.descriptor = WithBits(twin.descriptor, 45);
+  twin.level = best.level + 1;
+  EXPECT_THAT(Match({best, twin}), ElementsAre(LandmarkMatch{0, 0}));
 }
 
 TEST_F(ProjectionTest, AFeatureGoesToTheLandmarkMostLikeIt) {
@@ -169,7 +177,7 @@ TEST(MatchByAppearance, RefusesWhatIsFarOrNotClear) {
   StreetRandom random(7);
   const Descriptor descriptor = random.RandomDescriptor();
   const MapSnapshot map{.landmarks = {{.descriptor = descriptor}}};
-  const Feature at_40{.descriptor = WithBits(descriptor, 40)};
+  const Feature at_40{.x_px = 100, .descriptor = WithBits(descriptor, 40)};
   const Feature at_45{.descriptor = WithBits(descriptor, 45)};
   const Feature at_64{.descriptor = WithBits(descriptor, 64)};
   const Feature at_65{.descriptor = WithBits(descriptor, 65)};

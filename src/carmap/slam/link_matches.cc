@@ -4,12 +4,24 @@
 
 namespace carmap {
 
+std::vector<std::optional<LandmarkId>> LandmarksOfCorners(const Map& map, KeyframeId keyframe_id) {
+  const auto& links = map.LandmarksOf(keyframe_id);
+  const std::vector<Feature>& features = *map.Find(keyframe_id)->features;
+  std::vector<std::optional<LandmarkId>> of_corner(links.size());
+  for (uint32_t i = 0; i < links.size(); ++i) {
+    auto& landmark = of_corner[CornerOf(features, i)];
+    if (links[i] && (!landmark || *links[i] < *landmark)) landmark = links[i];
+  }
+  return of_corner;
+}
+
 void LinkMatches(const Map& map, const MapSnapshot& snapshot, KeyframeId keyframe_id,
                  const std::vector<LandmarkMatch>& matches, MapEdit& edit) {
-  const auto& links = map.LandmarksOf(keyframe_id);
+  const std::vector<Feature>& features = *map.Find(keyframe_id)->features;
+  const auto of_corner = LandmarksOfCorners(map, keyframe_id);
   for (const auto& [landmark_idx, feature_idx] : matches) {
     const LandmarkId landmark_id = snapshot.landmarks[landmark_idx].id;
-    const auto& taken_by = links[feature_idx];
+    const auto& taken_by = of_corner[CornerOf(features, feature_idx)];
     if (!taken_by) {
       edit.added_observations.push_back(
           {landmark_id, {keyframe_id, static_cast<int32_t>(feature_idx)}});

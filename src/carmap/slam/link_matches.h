@@ -1,6 +1,7 @@
 // What matches mean for the map. Pure, thread-safe on a map that nobody changes.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "carmap/base/ids.h"
@@ -11,8 +12,13 @@
 
 namespace carmap {
 
-/// Records that keyframe `keyframe_id` sees the matched landmarks of `snapshot`: a free feature
-/// becomes an observation; one that belongs to another landmark shows that the two are the same.
+/// For each corner of the keyframe (CornerOf) the landmark that one of its features belongs to, the
+/// oldest if they belong to several.
+std::vector<std::optional<LandmarkId>> LandmarksOfCorners(const Map& map, KeyframeId keyframe_id);
+
+/// Records that keyframe `keyframe_id` sees the matched landmarks of `snapshot`: a feature of a
+/// free corner becomes an observation; a corner that belongs to another landmark shows that the two
+/// are the same.
 void LinkMatches(const Map& map, const MapSnapshot& snapshot, KeyframeId keyframe_id,
                  const std::vector<LandmarkMatch>& matches, MapEdit& edit);
 

@@ -214,19 +214,22 @@ MapEdit LocalMapper::FindKnownLandmarks(KeyframeId newest,
   return edit;
 }
 
-/// Features with depth that belong to no landmark become one.
+/// Corners with depth that belong to no landmark become one, by their finest feature with depth.
 MapEdit LocalMapper::CreateLandmarks(KeyframeId newest) {
   MapEdit edit{.base_version = map_.version()};
   const Keyframe& keyframe = *map_.Find(newest);
-  const auto& links = map_.LandmarksOf(newest);
+  const std::vector<Feature>& features = *keyframe.features;
+  auto of_corner = LandmarksOfCorners(map_, newest);
   std::vector<LandmarkId> created;
-  for (size_t i = 0; i < links.size(); ++i) {
-    const Feature& feature = (*keyframe.features)[i];
-    if (links[i] || !feature.has_disparity() ||
+  for (uint32_t i = 0; i < features.size(); ++i) {
+    const Feature& feature = features[i];
+    auto& landmark_of_corner = of_corner[CornerOf(features, i)];
+    if (landmark_of_corner || !feature.has_disparity() ||
         rig_.WithoutBias(feature.x_px, feature.disparity_px) < options_.min_new_disparity_px) {
       continue;
     }
     const LandmarkId id{drive_id_, next_landmark_index_++};
+    landmark_of_corner = id;
     edit.added_landmarks.push_back({.id = id,
                                     .position_in_map = Triangulate(keyframe, feature),
                                     .descriptor = feature.descriptor,

@@ -19,13 +19,13 @@ constexpr int kMinMeasurements = 3;
 class PoseRefiner {
  public:
   PoseRefiner(const StereoRig& rig, const MeasurementNoise& noise,
-              const std::vector<PoseMeasurement>& measurements, const Rigid3& initial)
-      : rig_(rig), measurements_(measurements), pose_(initial) {
+              const std::vector<PoseMeasurement>& measurements, const Rigid3& initial,
+              const std::optional<PosePrior>& prior)
+      : rig_(rig), measurements_(measurements), prior_(prior), pose_(initial) {
     whitened_.reserve(measurements.size());
     active_.reserve(measurements.size());
     for (size_t i = 0; i < measurements.size(); ++i) {
-      const PoseMeasurement& m = measurements[i];
-      whitened_.push_back(Whiten(noise, m.px, m.disparity_px, m.scale));
+      whitened_.push_back(Whiten(noise, measurements[i]));
       active_.push_back(i);
     }
   }
@@ -84,6 +84,7 @@ class PoseRefiner {
 
   Linearization Linearize(const Rigid3& pose, double square_width) const {
     Linearization result;
+    if (prior_) AddPrior(pose, result);
     const Eigen::Matrix3d rotation = pose.rotation.toRotationMatrix();
     Eigen::Vector3d error;
     for (const size_t i : active_) {
@@ -100,6 +101,14 @@ class PoseRefiner {
     return result;
   }
 
+  void AddPrior(const Rigid3& pose, Linearization& result) const {
+    const Vector6d difference = PoseDifference(prior_->camera_from_map, pose);
+    const Vector6d gradient = prior_->information * difference;
+    result.normal.hessian += prior_->information;
+    result.normal.gradient += gradient;
+    result.cost += difference.dot(gradient) / 2;
+  }
+
   static bool SolveDamped(const PoseNormal& normal, double lambda, Vector6d& delta) {
     Matrix6d damped = normal.hessian;
     damped.diagonal() *= 1 + lambda;
@@ -111,6 +120,7 @@ class PoseRefiner {
 
   const StereoRig& rig_;
   const std::vector<PoseMeasurement>& measurements_;
+  const std::optional<PosePrior>& prior_;
   std::vector<WhitenedMeasurement> whitened_;
   std::vector<size_t> active_;
   Rigid3 pose_;
@@ -120,10 +130,11 @@ class PoseRefiner {
 
 PoseEstimate RefinePose(const StereoRig& rig, const MeasurementNoise& noise,
                         const std::vector<PoseMeasurement>& measurements,
-                        const Rigid3& initial_camera_from_map, double initial_error_px) {
+                        const Rigid3& initial_camera_from_map, double initial_error_px,
+                        const std::optional<PosePrior>& prior) {
   const PoseEstimate none{initial_camera_from_map, std::vector<bool>(measurements.size(), false)};
   if (measurements.size() < kMinMeasurements) return none;
-  PoseRefiner refiner(rig, noise, measurements, initial_camera_from_map);
+  PoseRefiner refiner(rig, noise, measurements, initial_camera_from_map, prior);
   const double initial_chi_square = std::pow(initial_error_px / noise.pixel_px, 2);
   for (double square_width = initial_chi_square / kChiSquareBound3;
        square_width > kFinalSquareWidth; square_width /= kNarrowing) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "carmap/geometry/camera.h"
@@ -22,6 +23,14 @@ struct PoseMeasurement {
   Eigen::Vector2d px = Eigen::Vector2d::Zero();
   double disparity_px = -1;  ///< not positive: seen by the left camera only
   double scale = 1;          ///< of the feature's pyramid level
+  /// What the landmark's own uncertainty adds to (u, v, disparity): standard deviations, pixels.
+  Eigen::Vector3d landmark_sigma_px = Eigen::Vector3d::Zero();
+};
+
+/// What is known of a pose beforehand.
+struct PosePrior {
+  Rigid3 camera_from_map;
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();  ///< of Perturb
 };
 
 struct PoseEstimate {
@@ -43,10 +52,12 @@ inline constexpr double kInitialErrorPx = 3;
 /// 1987). A lorry that drives by, with most of the measurements on it, so does not draw the pose
 /// from where it should be. Then once without a robust loss over what is within the bounds; what is
 /// outside in the end, behind the camera or not finite is an outlier. If fewer than three
-/// measurements agree, the initial pose comes back without inliers.
+/// measurements agree, the initial pose comes back without inliers. A prior counts like
+/// measurements that are right.
 PoseEstimate RefinePose(const StereoRig& rig, const MeasurementNoise& noise,
                         const std::vector<PoseMeasurement>& measurements,
                         const Rigid3& initial_camera_from_map,
-                        double initial_error_px = kInitialErrorPx);
+                        double initial_error_px = kInitialErrorPx,
+                        const std::optional<PosePrior>& prior = std::nullopt);
 
 }  // namespace carmap

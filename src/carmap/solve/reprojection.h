@@ -43,6 +43,15 @@ inline WhitenedMeasurement Whiten(const MeasurementNoise& noise, const Eigen::Ve
   return {{px.x(), px.y(), 0}, {pixel_weight, pixel_weight, 0}, kChiSquareBound2};
 }
 
+inline WhitenedMeasurement Whiten(const MeasurementNoise& noise, const PoseMeasurement& m) {
+  WhitenedMeasurement whitened = Whiten(noise, m.px, m.disparity_px, m.scale);
+  for (int i = 0; i < 3; ++i) {
+    double& weight = whitened.inverse_sigma[i];
+    if (weight > 0) weight = 1 / std::hypot(1 / weight, m.landmark_sigma_px[i]);
+  }
+  return whitened;
+}
+
 /// Error in standard deviations, (projected - measured). False, and the error undefined, when the
 /// point is behind the camera or a number is not finite.
 inline bool WhitenedError(const StereoRig& rig, const WhitenedMeasurement& measurement,
@@ -116,6 +125,23 @@ inline PointTerm MakePointTerm(const StereoRig& rig, const WhitenedMeasurement& 
   term.hessian << xx, 0, xz, 0, yy, yz, xz, yz, zz;
   term.gradient << u_x * e.x(), v_y * e.y(), u_z * e.x() + v_z * e.y() + d_z * e.z();
   return term;
+}
+
+/// The tangent that leads from one pose to another: b = Perturb(a, PoseDifference(a, b)).
+inline Vector6d PoseDifference(const Rigid3& a, const Rigid3& b) {
+  const Eigen::AngleAxisd turn((b.rotation * a.rotation.conjugate()).normalized());
+  Vector6d difference;
+  difference << b.translation - turn * a.translation, turn.angle() * turn.axis();
+  return difference;
+}
+
+/// How a perturbation of `a` shows after the motion: Perturb(m * a) = m * Perturb(a).
+inline Matrix6d AdjointOf(const Rigid3& motion) {
+  const Eigen::Matrix3d rotation = motion.rotation.toRotationMatrix();
+  Matrix6d adjoint = Matrix6d::Zero();
+  adjoint.topLeftCorner<3, 3>() = adjoint.bottomRightCorner<3, 3>() = rotation;
+  adjoint.topRightCorner<3, 3>() = CrossMatrix(motion.translation) * rotation;
+  return adjoint;
 }
 
 /// [p]x m.

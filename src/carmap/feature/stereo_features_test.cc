@@ -1,0 +1,55 @@
+#include "carmap/feature/stereo_features.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "carmap/feature/test_images.h"
+
+namespace carmap {
+namespace {
+
+StereoRig RigOfSize(int width, int height) {
+  return {{0.8 * width, 0.8 * width, width / 2.0, height / 2.0, width, height}, 0.5};
+}
+
+TEST(Enlarged, SeesAPointWhereTheLargerImageShowsIt) {
+  const StereoRig rig = RigOfSize(320, 120);
+  const StereoRig enlarged = Enlarged(rig, 2);
+  const Eigen::Vector3d p_in_camera(2, -0.5, 9);
+  const Eigen::Vector3d uvd = rig.Project(p_in_camera), larger = enlarged.Project(p_in_camera);
+  EXPECT_NEAR(larger.x() + 0.5, 2 * (uvd.x() + 0.5), 1e-9);
+  EXPECT_NEAR(larger.y() + 0.5, 2 * (uvd.y() + 0.5), 1e-9);
+  EXPECT_NEAR(larger.z(), 2 * uvd.z(), 1e-9);
+}
+
+TEST(StereoFrontEnd, SmallImagesAreSearchedEnlarged) {
+  EXPECT_EQ(StereoFrontEnd(RigOfSize(1241, 376)).rig(), RigOfSize(1241, 376));
+  for (const int width : {304, 397, 620}) {
+    const StereoRig rig = RigOfSize(width, width / 3);
+    EXPECT_EQ(StereoFrontEnd(rig).rig(), Enlarged(rig, 2)) << width;
+  }
+}
+
+TEST(StereoFrontEnd, ASmallImageHasFeaturesNearItsBordersWithTrueDepth) {
+  const Wall wall(304, 126, 3);
+  StereoFrontEnd front_end(RigOfSize(304, 126));
+  const auto features = front_end.Extract(wall.Moved(0), wall.Moved(5 * 12));
+  ASSERT_GT(features.size(), 500u);
+  const double scale = front_end.rig().camera.width / 304.0;
+  float top_px = 1e9f, bottom_px = 0;
+  std::vector<double> errors_px;
+  for (const Feature& feature : features) {
+    top_px = std::min(top_px, feature.y_px);
+    bottom_px = std::max(bottom_px, feature.y_px);
+    if (feature.has_disparity()) errors_px.push_back(std::abs(feature.disparity_px / scale - 12));
+  }
+  EXPECT_LT(top_px / scale, 10);
+  EXPECT_GT(bottom_px / scale, 126 - 10);
+  std::nth_element(errors_px.begin(), errors_px.begin() + errors_px.size() / 2, errors_px.end());
+  EXPECT_LT(errors_px[errors_px.size() / 2], 0.05);
+}
+
+}  // namespace
+}  // namespace carmap
