@@ -33,14 +33,12 @@ class YardstickSource : public FrameSource {
   explicit YardstickSource(FrameSource& source) : source_(source), orb_(cv::ORB::create(2000)) {}
 
   const StereoRig& rig() const override { return source_.rig(); }
-  size_t frame_count() const override { return source_.frame_count(); }
-  uint32_t first_index() const override { return source_.first_index(); }
-  Timestamp timestamp(size_t n) const override { return source_.timestamp(n); }
-  absl::StatusOr<std::optional<StereoFrame>> Next() override {
+  std::optional<size_t> frame_count() const override { return source_.frame_count(); }
+  std::optional<StereoFrame> Next() override {
     auto frame = source_.Next();
-    if (frame.ok() && *frame) {
+    if (frame && frame->status.ok()) {
       const Stopwatch watch;
-      for (const cv::Mat& image : {(*frame)->left, (*frame)->right}) {
+      for (const cv::Mat& image : {frame->left, frame->right}) {
         std::vector<cv::KeyPoint> keypoints;
         cv::Mat descriptors;
         orb_->detectAndCompute(image, cv::noArray(), keypoints, descriptors);
@@ -65,7 +63,7 @@ void PrintRow(const std::string& what, double ms, double yardstick_ms) {
 absl::StatusOr<Summary> TrackWhileMapping(const std::string& folder, double rate_hz) {
   const auto drive = KittiDrive::Open(folder);
   if (!drive.ok()) return drive.status();
-  CameraReplay camera(**drive, {.rate_hz = rate_hz, .waiting_frames = (*drive)->frame_count()});
+  CameraReplay camera(**drive, {.rate_hz = rate_hz, .waiting_frames = (*drive)->size()});
   const auto mapped = MapDrive(camera, (*drive)->id(), {});
   if (!mapped.ok()) return mapped.status();
   return Summarize(mapped->frame_ms);

@@ -17,13 +17,13 @@ namespace carmap {
 template <typename T>
 class RunAhead {
  public:
-  /// Calls `produce` `count` times at most.
-  RunAhead(size_t count, bool sequential, std::function<T()> produce)
-      : produce_(std::move(produce)), left_(count), queue_(kQueueLength) {
+  /// `produce` gives results until there is none; it is not called again after that.
+  RunAhead(bool sequential, std::function<std::optional<T>()> produce)
+      : produce_(std::move(produce)), queue_(kQueueLength) {
     if (sequential) return;
     thread_ = std::thread([this] {
-      while (left_-- > 0) {
-        if (!queue_.Push(produce_())) return;
+      while (auto result = Produce()) {
+        if (!queue_.Push(*std::move(result))) return;
       }
       queue_.Close();
     });
@@ -37,17 +37,21 @@ class RunAhead {
 
   /// The results in order; nothing after the last.
   std::optional<T> Next() {
-    if (thread_.joinable()) return queue_.Pop();
-    if (left_ == 0) return std::nullopt;
-    --left_;
-    return produce_();
+    return thread_.joinable() ? queue_.Pop() : Produce();
   }
 
  private:
   static constexpr size_t kQueueLength = 2;
 
-  const std::function<T()> produce_;
-  size_t left_;  ///< the thread's own while there is one
+  std::optional<T> Produce() {
+    if (is_at_end_) return std::nullopt;
+    auto result = produce_();
+    is_at_end_ = !result;
+    return result;
+  }
+
+  const std::function<std::optional<T>()> produce_;
+  bool is_at_end_ = false;  ///< the thread's own while there is one
   BoundedQueue<T> queue_;
   std::thread thread_;
 };

@@ -1,8 +1,6 @@
 // A recorded drive at the pace of a camera: whether a machine keeps up with it.
 #pragma once
 
-#include <absl/status/statusor.h>
-
 #include <chrono>
 #include <cstddef>
 #include <optional>
@@ -17,18 +15,16 @@ struct CameraReplayOptions {
 };
 
 /// Gives each frame of `source` when its time has come, the first at once. A camera does not wait:
-/// while `waiting_frames` are not taken, a newer one displaces the oldest, which is an error of
-/// code Unavailable and is counted.
+/// while `waiting_frames` are not taken, a newer one displaces the oldest, whose status is
+/// Unavailable, and which is counted.
 class CameraReplay : public FrameSource {
  public:
   CameraReplay(FrameSource& source, const CameraReplayOptions& options)
       : source_(source), options_(options) {}
 
   const StereoRig& rig() const override { return source_.rig(); }
-  size_t frame_count() const override { return source_.frame_count(); }
-  uint32_t first_index() const override { return source_.first_index(); }
-  Timestamp timestamp(size_t n) const override { return source_.timestamp(n); }
-  absl::StatusOr<std::optional<StereoFrame>> Next() override;
+  std::optional<size_t> frame_count() const override { return source_.frame_count(); }
+  std::optional<StereoFrame> Next() override;
 
   /// To be read once the drive is over.
   size_t dropped_count() const { return dropped_count_; }

@@ -379,18 +379,24 @@ absl::Status KittiDrive::ReadFirstPair(const fs::path& calibration_path) {
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::optional<StereoFrame>> KittiDrive::Next() {
+absl::StatusOr<cv::Mat> KittiDrive::ReadImage(const fs::path& path) const {
+  CARMAP_ASSIGN_OR_RETURN(cv::Mat image, ReadGreyImage(path));
+  CARMAP_RETURN_IF_ERROR(CheckImageSize(path, image, rig_.camera.width, rig_.camera.height));
+  return image;
+}
+
+std::optional<StereoFrame> KittiDrive::Next() {
   if (next_ > last_) return std::nullopt;
-  StereoFrame frame;
-  frame.index = next_++;
-  const fs::path &left_path = left_paths_[frame.index], &right_path = right_paths_[frame.index];
-  CARMAP_ASSIGN_OR_RETURN(frame.left, ReadGreyImage(left_path));
-  CARMAP_ASSIGN_OR_RETURN(frame.right, ReadGreyImage(right_path));
-  const auto [width, height] = std::pair(rig_.camera.width, rig_.camera.height);
-  CARMAP_RETURN_IF_ERROR(CheckImageSize(left_path, frame.left, width, height));
-  CARMAP_RETURN_IF_ERROR(CheckImageSize(right_path, frame.right, width, height));
-  frame.timestamp = times_[frame.index];
-  if (!gps_.empty()) frame.gps = gps_[frame.index];
+  const uint32_t index = next_++;
+  StereoFrame frame{.index = index, .timestamp = times_[index]};
+  if (!gps_.empty()) frame.gps = gps_[index];
+  auto left = ReadImage(left_paths_[index]), right = ReadImage(right_paths_[index]);
+  if (left.ok() && right.ok()) {
+    frame.left = *std::move(left);
+    frame.right = *std::move(right);
+  } else {
+    frame.status = left.ok() ? right.status() : left.status();
+  }
   return frame;
 }
 

@@ -45,9 +45,11 @@ class KittiDrive : public FrameSource {
                                                           const FrameRange& range = {});
 
   const StereoRig& rig() const override { return rig_; }
-  uint32_t first_index() const override { return first_; }
-  size_t frame_count() const override { return last_ - first_ + 1; }
-  absl::StatusOr<std::optional<StereoFrame>> Next() override;
+  std::optional<size_t> frame_count() const override { return size(); }
+  std::optional<StereoFrame> Next() override;
+
+  /// Number of frames in the range.
+  size_t size() const { return last_ - first_ + 1; }
 
   /// Hash of calibration, times and first image pair of the range, and the range itself:
   /// the same input has the same id everywhere.
@@ -55,10 +57,12 @@ class KittiDrive : public FrameSource {
   /// Ground truth of the frames of the range, in the folder's own world frame; empty if there is
   /// none.
   const Trajectory& truth() const { return truth_; }
-  Timestamp timestamp(size_t n) const override { return times_[first_ + n]; }
 
  private:
   KittiDrive() = default;
+
+  /// Of the rig's size.
+  absl::StatusOr<cv::Mat> ReadImage(const std::filesystem::path& path) const;
 
   /// Completes the rig with the images' size and computes the id.
   absl::Status ReadFirstPair(const std::filesystem::path& calibration_path);

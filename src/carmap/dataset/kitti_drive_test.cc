@@ -80,18 +80,19 @@ TEST_F(KittiDriveTest, GivesEveryFrame) {
   const StereoRig expected{{100, 101, 48, 32, kWidth, kHeight}, 0.5};
   EXPECT_EQ((*drive)->rig(), expected);
   EXPECT_EQ((*drive)->frame_count(), size_t{kFrames});
+  EXPECT_EQ((*drive)->size(), size_t{kFrames});
   EXPECT_TRUE((*drive)->truth().empty());
   for (uint32_t i = 0; i < kFrames; ++i) {
     const auto frame = (*drive)->Next();
-    ASSERT_TRUE(frame.ok() && frame->has_value()) << frame.status();
-    EXPECT_EQ((*frame)->index, i);
-    EXPECT_EQ((*frame)->timestamp, Timestamp{i * 100'000'000LL});
-    EXPECT_EQ(cv::norm((*frame)->left, Noise(2 * i), cv::NORM_INF), 0);
-    EXPECT_EQ(cv::norm((*frame)->right, Noise(2 * i + 1), cv::NORM_INF), 0);
-    EXPECT_FALSE((*frame)->gps);
+    ASSERT_TRUE(frame && frame->status.ok());
+    EXPECT_EQ(frame->index, i);
+    EXPECT_EQ(frame->timestamp, Timestamp{i * 100'000'000LL});
+    EXPECT_EQ(cv::norm(frame->left, Noise(2 * i), cv::NORM_INF), 0);
+    EXPECT_EQ(cv::norm(frame->right, Noise(2 * i + 1), cv::NORM_INF), 0);
+    EXPECT_FALSE(frame->gps);
   }
-  EXPECT_FALSE((*drive)->Next()->has_value());
-  EXPECT_FALSE((*drive)->Next()->has_value());
+  EXPECT_FALSE((*drive)->Next());
+  EXPECT_FALSE((*drive)->Next());
 }
 
 TEST_F(KittiDriveTest, GivesARange) {
@@ -101,13 +102,12 @@ TEST_F(KittiDriveTest, GivesARange) {
   const auto drive = KittiDrive::Open(drive_, {.first = 1, .last = 2});
   ASSERT_TRUE(drive.ok()) << drive.status();
   EXPECT_EQ((*drive)->frame_count(), 2u);
-  EXPECT_EQ((*drive)->timestamp(0), Timestamp{100'000'000});
   ASSERT_EQ((*drive)->truth().size(), 2u);
   EXPECT_EQ((*drive)->truth()[0].world_from_camera->translation.x(), 1);
   EXPECT_EQ((*drive)->truth()[0].timestamp, Timestamp{100'000'000});
-  EXPECT_EQ((*drive)->Next()->value().index, 1u);
-  EXPECT_EQ((*drive)->Next()->value().index, 2u);
-  EXPECT_FALSE((*drive)->Next()->has_value());
+  EXPECT_EQ((*drive)->Next()->index, 1u);
+  EXPECT_EQ((*drive)->Next()->index, 2u);
+  EXPECT_FALSE((*drive)->Next());
 }
 
 TEST_F(KittiDriveTest, IdentifiesItsInput) {
@@ -151,7 +151,7 @@ TEST_F(KittiDriveTest, OrdersNamesWithoutLeadingZeros) {
   const auto drive = KittiDrive::Open(drive_);
   ASSERT_TRUE(drive.ok()) << drive.status();
   for (int i = 0; i < kFrames; ++i) {
-    EXPECT_EQ(cv::norm((*drive)->Next()->value().left, Noise(2 * i), cv::NORM_INF), 0);
+    EXPECT_EQ(cv::norm((*drive)->Next()->left, Noise(2 * i), cv::NORM_INF), 0);
   }
 }
 
@@ -160,14 +160,14 @@ TEST_F(KittiDriveTest, GoesOnAfterAnUnreadableFrame) {
   cv::imwrite(ImagePath(0, 2), cv::Mat(kHeight, kWidth, CV_8UC1, cv::Scalar(0)));
   const auto drive = KittiDrive::Open(drive_);
   ASSERT_TRUE(drive.ok()) << drive.status();
-  EXPECT_TRUE((*drive)->Next().ok());
-  EXPECT_THAT(std::string((*drive)->Next().status().message()),
+  EXPECT_TRUE((*drive)->Next()->status.ok());
+  EXPECT_THAT(std::string((*drive)->Next()->status.message()),
               IsClear("image_1/000001.png", "truncated or damaged; "));
   const auto black = (*drive)->Next();
-  ASSERT_TRUE(black.ok()) << black.status();
-  EXPECT_EQ((*black)->index, 2u);
-  EXPECT_TRUE((*drive)->Next().ok());
-  EXPECT_FALSE((*drive)->Next()->has_value());
+  ASSERT_TRUE(black->status.ok()) << black->status;
+  EXPECT_EQ(black->index, 2u);
+  EXPECT_TRUE((*drive)->Next()->status.ok());
+  EXPECT_FALSE((*drive)->Next());
 }
 
 TEST_F(KittiDriveTest, RefusesAnImageCutAnywhere) {
@@ -213,8 +213,8 @@ TEST_F(KittiDriveTest, RefusesImagesOfOtherSize) {
   cv::imwrite(ImagePath(0, 1), Noise(0, kWidth - 1, kHeight));
   const auto drive = KittiDrive::Open(drive_);
   ASSERT_TRUE(drive.ok()) << drive.status();
-  EXPECT_TRUE((*drive)->Next().ok());
-  EXPECT_THAT(std::string((*drive)->Next().status().message()),
+  EXPECT_TRUE((*drive)->Next()->status.ok());
+  EXPECT_THAT(std::string((*drive)->Next()->status.message()),
               IsClear("image_0/000001.png", "95x64 px but"));
 }
 
@@ -303,7 +303,7 @@ TEST_F(KittiDriveTest, GivesFramesTheirFixes) {
     const auto drive = KittiDrive::Open(drive_);
     EXPECT_TRUE(drive.ok()) << drive.status();
     std::vector<std::optional<GpsFix>> fixes;
-    for (int i = 0; i < kFrames; ++i) fixes.push_back((*drive)->Next()->value().gps);
+    for (int i = 0; i < kFrames; ++i) fixes.push_back((*drive)->Next()->gps);
     return fixes;
   };
   // On the drive's clock: interpolated, then near the last row, then too far from it.
@@ -352,13 +352,11 @@ TEST_P(RealDriveTest, Opens) {
   EXPECT_EQ((*drive)->rig().camera.height, GetParam().rig.camera.height);
   EXPECT_NEAR((*drive)->rig().baseline_m, GetParam().rig.baseline_m, 1e-4);
   size_t frames = 0, fixes = 0;
-  while (true) {
-    const auto frame = (*drive)->Next();
-    ASSERT_TRUE(frame.ok()) << frame.status();
-    if (!frame->has_value()) break;
-    EXPECT_EQ((*frame)->left.size(), (*frame)->right.size());
+  while (const auto frame = (*drive)->Next()) {
+    ASSERT_TRUE(frame->status.ok()) << frame->status;
+    EXPECT_EQ(frame->left.size(), frame->right.size());
     ++frames;
-    if ((*frame)->gps) ++fixes;
+    if (frame->gps) ++fixes;
   }
   EXPECT_EQ(frames, GetParam().frames);
   EXPECT_EQ(fixes, GetParam().has_gps ? frames : 0);

@@ -4,8 +4,6 @@
 // for what FrameSource allows from any thread, as long as the ReadAhead lives.
 #pragma once
 
-#include <absl/status/statusor.h>
-
 #include <atomic>
 #include <optional>
 
@@ -20,16 +18,14 @@ class ReadAhead {
   ReadAhead(FrameSource& source, bool sequential);
 
   /// As FrameSource::Next.
-  absl::StatusOr<std::optional<StereoFrame>> Next();
+  std::optional<StereoFrame> Next() { return frames_.Next(); }
 
   /// Milliseconds spent reading and decoding so far.
   double read_ms() const { return read_ms_; }
 
  private:
-  using FrameOrError = absl::StatusOr<std::optional<StereoFrame>>;
-
   std::atomic<double> read_ms_ = 0;
-  RunAhead<FrameOrError> frames_;
+  RunAhead<StereoFrame> frames_;
 };
 
 }  // namespace carmap

@@ -12,16 +12,13 @@ class EmptyFrames : public FrameSource {
       : count_(count), unreadable_every_(unreadable_every) {}
 
   const StereoRig& rig() const override { return rig_; }
-  size_t frame_count() const override { return count_; }
-  uint32_t first_index() const override { return 5; }
-  Timestamp timestamp(size_t n) const override { return {static_cast<int64_t>(n)}; }
-  absl::StatusOr<std::optional<StereoFrame>> Next() override {
+  std::optional<size_t> frame_count() const override { return count_; }
+  std::optional<StereoFrame> Next() override {
     if (next_ == count_) return std::nullopt;
     const uint32_t n = next_++;
+    StereoFrame frame{.index = 5 + n, .timestamp = {static_cast<int64_t>(n)}};
     if (unreadable_every_ > 0 && (n + 1) % unreadable_every_ == 0)
-      return absl::DataLossError("unreadable");
-    StereoFrame frame;
-    frame.index = first_index() + n;
+      frame.status = absl::DataLossError("unreadable");
     return frame;
   }
 

@@ -239,8 +239,8 @@ TEST(GpsSimulator, ItsTextIsReadWithADrive) {
   const LocalEnu enu(kOrigin);
   for (size_t i = 0; i < kFrames; ++i) {
     const auto frame = (*drive)->Next();
-    ASSERT_TRUE(frame.ok() && *frame && (*frame)->gps);
-    EXPECT_LT((enu.FromGps(*(*frame)->gps) - enu.FromGps(fixes[i].fix)).norm(), 1e-3);
+    ASSERT_TRUE(frame && frame->gps);
+    EXPECT_LT((enu.FromGps(*frame->gps) - enu.FromGps(fixes[i].fix)).norm(), 1e-3);
   }
 }
 

@@ -138,16 +138,13 @@ class MemorySource : public FrameSource {
       : drive_(std::move(drive)), unreadable_(std::move(unreadable)) {}
 
   const StereoRig& rig() const override { return drive_.rig; }
-  size_t frame_count() const override { return drive_.frames.size(); }
-  uint32_t first_index() const override {
-    return drive_.frames.empty() ? 0 : drive_.frames.front().index;
-  }
-  Timestamp timestamp(size_t n) const override { return drive_.frames[n].timestamp; }
-  absl::StatusOr<std::optional<StereoFrame>> Next() override {
-    if (next_ == drive_.frames.size()) return std::optional<StereoFrame>();
-    const StereoFrame& frame = drive_.frames[next_++];
+  std::optional<size_t> frame_count() const override { return drive_.frames.size(); }
+  std::optional<StereoFrame> Next() override {
+    if (next_ == drive_.frames.size()) return std::nullopt;
+    StereoFrame frame = drive_.frames[next_++];
     if (std::count(unreadable_.begin(), unreadable_.end(), frame.index) > 0) {
-      return absl::DataLossError("frame " + std::to_string(frame.index) + " is cut short");
+      frame.left = frame.right = cv::Mat();
+      frame.status = absl::DataLossError("frame " + std::to_string(frame.index) + " is cut short");
     }
     return frame;
   }

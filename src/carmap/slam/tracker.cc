@@ -125,6 +125,8 @@ TrackedFrame Tracker::Accept(Timestamp timestamp, const LocalMap& local, const T
         last_->camera_from_reference * reference->map_from_camera.Inverse();
     last.this_from_previous = pose.camera_from_map * previous_from_map.Inverse();
     last.interval_s = timestamp.seconds() - last_->timestamp.seconds();
+    frame.camera_from_previous = last.this_from_previous;
+    frame.since_previous_s = last.interval_s;
   }
   last_ = last;
   misplaced_frames_ = 0;

@@ -38,6 +38,10 @@ struct TrackedFrame {
   /// lost.
   std::optional<KeyframeId> reference;
   Rigid3 camera_from_reference;
+  /// Motion since the frame before that had a pose, and how long ago that was; absent if nothing is
+  /// known of it.
+  std::optional<Rigid3> camera_from_previous;
+  double since_previous_s = 0;
   /// Landmarks of the snapshot that agree with the pose.
   std::vector<std::pair<LandmarkId, uint32_t>> landmark_of_feature;
   Rigid3 map_from_camera;
@@ -58,6 +62,9 @@ class Tracker {
   /// keyframe if it has features enough.
   TrackedFrame Track(Timestamp timestamp, const std::vector<Feature>& features,
                      const LocalMap* local);
+
+  /// The frame became the first keyframe of the map, or of a new part of it.
+  void BeginAt(Timestamp timestamp, KeyframeId id) { last_ = LastPose{timestamp, id, {}, {}, 0}; }
 
   /// Goes on from where the misplaced frame was found, which tells nothing of its speed.
   TrackedFrame Resume(Timestamp timestamp, const LocatedFrame& found);

@@ -1,0 +1,198 @@
+#include "carmap/slam/drive_mapper.h"
+
+#include <fmt/format.h>
+
+#include <condition_variable>
+#include <mutex>
+#include <thread>
+#include <utility>
+
+#include "carmap/base/bounded_queue.h"
+#include "carmap/base/stopwatch.h"
+#include "carmap/slam/map_parts.h"
+
+namespace carmap {
+
+/// Where the tracker hands keyframes in and finds the newest local map, on one thread or two.
+class DriveMapper::MappingStage {
+ public:
+  MappingStage(const StereoRig& rig, DriveId drive_id, const MapDriveOptions& options)
+      : mapper_(rig, drive_id, options.mapper),
+        closer_(LoopOptions(options), options.vocabulary),
+        queue_(1) {
+    if (options.sequential) return;
+    thread_ = std::thread([this] {
+      while (auto keyframe = queue_.Pop()) Publish(TakeIn(*keyframe));
+    });
+  }
+  ~MappingStage() { WaitForEnd(); }
+
+  void Insert(NewKeyframe keyframe) {
+    ++inserted_;
+    if (thread_.joinable()) {
+      queue_.Push(std::move(keyframe));
+    } else {
+      Publish(TakeIn(keyframe));
+    }
+  }
+  /// The map with all keyframes inserted so far; null before the first. Waits until it is there.
+  std::shared_ptr<const LocalMap> WaitForMap() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return published_ == inserted_; });
+    return local_map_;
+  }
+  /// From here on offers the map around this keyframe, until another is inserted.
+  void MoveTo(KeyframeId id) {
+    if (WaitForMap()->reference != id) local_map_ = mapper_.MapAround(id);
+  }
+  std::optional<LocatedFrame> Locate(const std::vector<Feature>& features,
+                                     const Rigid3& predicted_map_from_camera) {
+    WaitForMap();  // the mapper rests, so it can be asked from here
+    auto located = mapper_.Locate(features, predicted_map_from_camera);
+    if (located) local_map_ = located->local;
+    return located;
+  }
+  size_t inserted() const { return inserted_; }
+  /// Makes the map consistent as a whole. To be called last.
+  void Finish() {
+    WaitForEnd();
+    mapper_.DropShreds();
+    closer_.Finish(mapper_);
+  }
+  const LocalMapper& mapper() const { return mapper_; }
+  const LoopCloser& closer() const { return closer_; }
+
+ private:
+  static LoopCloserOptions LoopOptions(const MapDriveOptions& options) {
+    LoopCloserOptions loops = options.loops;
+    loops.sequential = options.sequential;
+    return loops;
+  }
+
+  std::shared_ptr<const LocalMap> TakeIn(const NewKeyframe& keyframe) {
+    const KeyframeId id = keyframe.keyframe.id;
+    auto local_map = mapper_.Insert(keyframe);
+    return closer_.Process(id, mapper_) ? mapper_.MapAround(id) : local_map;
+  }
+
+  void WaitForEnd() {
+    queue_.Close();
+    if (thread_.joinable()) thread_.join();
+  }
+
+  void Publish(std::shared_ptr<const LocalMap> local_map) {
+    const std::lock_guard lock(mutex_);
+    local_map_ = std::move(local_map);
+    ++published_;
+    changed_.notify_one();
+  }
+
+  LocalMapper mapper_;
+  LoopCloser closer_;
+  BoundedQueue<NewKeyframe> queue_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::shared_ptr<const LocalMap> local_map_;
+  size_t published_ = 0;
+  size_t inserted_ = 0;  ///< the tracker's own
+  std::thread thread_;
+};
+
+DriveMapper::DriveMapper(const StereoRig& rig, DriveId drive_id, const MapDriveOptions& options)
+    : drive_id_(drive_id),
+      tracker_(options.tracker),
+      mapping_(std::make_unique<MappingStage>(rig, drive_id, options)) {}
+DriveMapper::~DriveMapper() = default;
+
+size_t DriveMapper::keyframe_count() const { return mapping_->inserted(); }
+
+const TrackedFrame& DriveMapper::Take(const ExtractedFrame& frame) {
+  tracked_ = {};
+  last_frame_ms_ = 0;
+  if (frame.features) {
+    mapping_->WaitForMap();
+    const Stopwatch watch;
+    tracked_ = TrackOrRecover(frame);
+    CountTimes(frame, watch.ElapsedMs());
+    FollowUp(frame, tracked_);
+  } else {
+    tracked_.lost_because = frame.unusable_because;
+  }
+  result_.trajectory.push_back({.timestamp = frame.timestamp});
+  frames_.push_back(
+      {frame.index, tracked_.reference, tracked_.camera_from_reference, tracked_.lost_because});
+  return tracked_;
+}
+
+TrackedFrame DriveMapper::TrackOrRecover(const ExtractedFrame& frame) {
+  const auto local_map = mapping_->WaitForMap();
+  TrackedFrame tracked = tracker_.Track(frame.timestamp, *frame.features, local_map.get());
+  if (!tracked.is_misplaced) return tracked;
+  const auto found = mapping_->Locate(*frame.features, tracked.map_from_camera);
+  return found ? tracker_.Resume(frame.timestamp, *found) : tracked;
+}
+
+/// Hands the frame to the mapper if it is to be a keyframe; else the map moves along with it.
+void DriveMapper::FollowUp(const ExtractedFrame& frame, TrackedFrame& tracked) {
+  if (tracked.wants_keyframe || tracked.begins_part) {
+    const KeyframeId id{drive_id_, frame.index};
+    mapping_->Insert({{id, frame.timestamp, tracked.map_from_camera, frame.gps, frame.features},
+                      tracked.landmark_of_feature,
+                      tracked.begins_part,
+                      tracked.gap});
+    if (!tracked.reference) tracker_.BeginAt(frame.timestamp, id);
+    tracked.reference = id;
+    tracked.camera_from_reference = {};
+  } else if (tracked.reference) {
+    mapping_->MoveTo(*tracked.reference);
+  }
+}
+
+void DriveMapper::CountTimes(const ExtractedFrame& frame, double track_ms) {
+  last_frame_ms_ = frame.front_end_ms + track_ms;
+  result_.frame_ms.push_back(last_frame_ms_);
+  result_.stage_ms["pyramid"] += frame.times.pyramid_ms;
+  result_.stage_ms["extract"] += frame.times.extract_ms;
+  result_.stage_ms["stereo"] += frame.times.stereo_ms;
+  result_.stage_ms["track"] += track_ms;
+}
+
+/// Poses in the finished map: each frame moved along with its reference keyframe.
+void DriveMapper::FinishFrames() {
+  for (size_t i = 0; i < frames_.size(); ++i) {
+    const TakenFrame& frame = frames_[i];
+    std::optional<Rigid3> map_from_reference;
+    if (frame.reference) map_from_reference = mapping_->mapper().PoseOf(*frame.reference);
+    if (map_from_reference) {
+      result_.trajectory[i].world_from_camera =
+          *map_from_reference * frame.camera_from_reference.Inverse();
+      continue;
+    }
+    result_.lost_frames.push_back(
+        {frame.index, frame.reference ? "the part of the map that it began was too short to be kept"
+                                      : frame.lost_because});
+  }
+}
+
+absl::StatusOr<MappedDrive> DriveMapper::Finish() {
+  mapping_->Finish();
+  const LocalMapper& mapper = mapping_->mapper();
+  if (mapper.map().keyframes().empty()) {
+    return absl::FailedPreconditionError(
+        fmt::format("no frame of {} could be tracked; the first: {}", frames_.size(),
+                    frames_.empty() ? "there is none" : frames_.front().lost_because));
+  }
+  FinishFrames();
+  for (const std::vector<KeyframeId>& part : ConnectedParts(mapper.map())) {
+    result_.parts.push_back({part.front().index, part.size()});
+  }
+  result_.map = mapper.map();
+  result_.rig = mapper.rig();
+  result_.loops = mapping_->closer().loops();
+  result_.rejected_loop_keyframes = mapping_->closer().rejected_count();
+  result_.georeference = mapping_->closer().georeference();
+  for (const auto& [step, ms] : mapper.step_ms()) result_.stage_ms["map_" + step] = ms;
+  return std::move(result_);
+}
+
+}  // namespace carmap

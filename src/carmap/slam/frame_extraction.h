@@ -1,0 +1,57 @@
+// The drive's frames as the tracker takes them: read, checked and turned into features, ahead of
+// it.
+//
+// One thread calls Next. The source must be left alone as long as this lives.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "carmap/base/run_ahead.h"
+#include "carmap/base/time.h"
+#include "carmap/dataset/frame_source.h"
+#include "carmap/dataset/read_ahead.h"
+#include "carmap/feature/stereo_features.h"
+#include "carmap/geometry/geodesy.h"
+
+namespace carmap {
+
+/// A frame as it leaves the front end.
+struct ExtractedFrame {
+  uint32_t index = 0;  ///< frame number in the drive
+  Timestamp timestamp;
+  std::optional<GpsFix> gps;
+  cv::Mat left;  ///< as the camera gave it; empty if the frame cannot be used
+  std::shared_ptr<const std::vector<Feature>> features;  ///< null if the frame cannot be used
+  std::string unusable_because;
+  FrontEndTimes times;
+  double front_end_ms = 0;
+};
+
+class FrameExtraction {
+ public:
+  /// Sequentially, all is done on the caller's thread, when a frame is asked for.
+  FrameExtraction(FrameSource& source, const FrontEndOptions& options, bool sequential);
+
+  /// The frames in order, also those that cannot be used; nothing after the last.
+  std::optional<ExtractedFrame> Next() { return frames_.Next(); }
+
+  const StereoFrontEnd& front_end() const { return front_end_; }
+  /// Milliseconds spent reading and decoding so far.
+  double read_ms() const { return reader_.read_ms(); }
+
+ private:
+  std::optional<ExtractedFrame> Extract();
+
+  StereoFrontEnd front_end_;
+  cv::Mat previous_left_;
+  ReadAhead reader_;
+  RunAhead<ExtractedFrame> frames_;
+};
+
+}  // namespace carmap
