@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 namespace carmap {
@@ -49,12 +50,23 @@ MapSnapshot MakeSnapshot(const LeanMap& map, double focal_length_px) {
   return snapshot;
 }
 
-Grouped<uint32_t> MakeKeyframesOfLandmark(const LeanMap& map) {
-  Grouped<uint32_t> keyframes_of_landmark;
-  for (const LeanLandmark& landmark : map.landmarks) {
-    for (const uint32_t keyframe_idx : landmark.keyframe_idxs) {
-      keyframes_of_landmark.Append(keyframe_idx);
+Grouped<uint32_t> MakeKeyframesOfLandmark(const MapSnapshot& snapshot) {
+  std::vector<size_t> begin(snapshot.landmarks.size() + 1, 0);
+  for (const SnapshotKeyframe& keyframe : snapshot.keyframes) {
+    for (const uint32_t landmark_idx : keyframe.landmark_idxs) ++begin[landmark_idx + 1];
+  }
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  std::vector<uint32_t> viewers(begin.back());
+  std::vector<size_t> next = begin;
+  for (uint32_t i = 0; i < snapshot.keyframes.size(); ++i) {
+    for (const uint32_t landmark_idx : snapshot.keyframes[i].landmark_idxs) {
+      viewers[next[landmark_idx]++] = i;
     }
+  }
+  Grouped<uint32_t> keyframes_of_landmark;
+  keyframes_of_landmark.ReserveValues(viewers.size());
+  for (size_t i = 0; i < snapshot.landmarks.size(); ++i) {
+    for (size_t k = begin[i]; k < begin[i + 1]; ++k) keyframes_of_landmark.Append(viewers[k]);
     keyframes_of_landmark.EndList();
   }
   return keyframes_of_landmark;
@@ -192,17 +204,23 @@ std::vector<uint32_t> GpsIndex::KeyframesNear(const GpsFix& fix, double radius_m
 }
 
 ReconstructedMap Reconstruct(const LeanMap& map, std::optional<double> focal_length_px) {
-  ReconstructedMap result;
-  result.drives = map.drives;
   if (!focal_length_px && !map.drives.empty()) focal_length_px = map.drives.front().rig.camera.fx;
-  result.focal_length_px = focal_length_px.value_or(0);
-  result.snapshot = MakeSnapshot(map, result.focal_length_px);
-  result.keyframes_of_landmark = MakeKeyframesOfLandmark(map);
+  ReconstructedMap result =
+      IndexSnapshot(MakeSnapshot(map, focal_length_px.value_or(0)), focal_length_px.value_or(0));
+  result.drives = map.drives;
   result.features_of_keyframe = MakeKeyframeFeatures(result.snapshot, map.drives);
+  result.gps = GpsIndex::Build(map.keyframes);
+  return result;
+}
+
+ReconstructedMap IndexSnapshot(MapSnapshot snapshot, double focal_length_px) {
+  ReconstructedMap result;
+  result.snapshot = std::move(snapshot);
+  result.focal_length_px = focal_length_px;
+  result.keyframes_of_landmark = MakeKeyframesOfLandmark(result.snapshot);
   result.covisible = MakeCovisibility(result.snapshot, result.keyframes_of_landmark);
   result.keyframe_centers = TreeOfCenters(result.snapshot.keyframes);
   result.landmark_positions = TreeOfPositions(result.snapshot.landmarks);
-  result.gps = GpsIndex::Build(map.keyframes);
   return result;
 }
 

@@ -84,6 +84,11 @@ struct ReconstructedMap {
 ReconstructedMap Reconstruct(const LeanMap& map,
                              std::optional<double> focal_length_px = std::nullopt);
 
+/// The same of a snapshot of a working map, to be searched like a given one. It has no drives,
+/// features of keyframes or places on the Earth. `focal_length_px` is that of the camera whose
+/// levels the snapshot has.
+ReconstructedMap IndexSnapshot(MapSnapshot snapshot, double focal_length_px);
+
 /// The rig that the keyframe's drive saw with.
 const StereoRig& RigOf(const ReconstructedMap& map, uint32_t keyframe_idx);
 

@@ -46,10 +46,27 @@ size_t WordIndex::posting_count() const {
   return count;
 }
 
+WordHistogram WordIndex::RarestWords(const WordHistogram& histogram, size_t max_postings) const {
+  const auto count = [&](const WordWeight& word) { return postings_of_[word.word_idx].size(); };
+  size_t total = 0;
+  for (const WordWeight& word : histogram) total += count(word);
+  WordHistogram words = histogram;
+  if (total <= max_postings) return words;
+  std::stable_sort(words.begin(), words.end(),
+                   [&](const WordWeight& a, const WordWeight& b) { return count(a) > count(b); });
+  const auto first = std::find_if(words.begin(), words.end(), [&](const WordWeight& word) {
+    if (total <= max_postings) return true;
+    total -= count(word);
+    return false;
+  });
+  words.erase(words.begin(), first);
+  return words;
+}
+
 std::vector<SimilarKeyframe> WordIndex::FindSimilar(const WordHistogram& histogram,
                                                     const PlaceQuery& query) const {
   std::vector<float> similarity(slots_.size(), 0);
-  for (const WordWeight& word : histogram) {
+  for (const WordWeight& word : RarestWords(histogram, query.max_postings)) {
     for (const Posting& posting : postings_of_[word.word_idx]) {
       similarity[posting.slot] += std::min(word.weight, posting.weight);
     }

@@ -9,6 +9,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
@@ -23,6 +24,9 @@ struct PlaceQuery {
   std::span<const KeyframeId> excluded = {};
   float min_similarity = 0;  ///< only keyframes above
   size_t max_count = 20;
+  /// At most about so many entries of words are read, those of the rarest words: bounds the time
+  /// however large the index is.
+  size_t max_postings = std::numeric_limits<size_t>::max();
 };
 
 struct SimilarKeyframe {
@@ -54,6 +58,9 @@ class WordIndex {
     uint32_t slot = 0;
     float weight = 0;
   };
+
+  /// The words of the histogram whose entries are read.
+  WordHistogram RarestWords(const WordHistogram& histogram, size_t max_postings) const;
 
   /// Drops the postings of removed keyframes. Their number decides when, so that the index stays in
   /// proportion to what it holds and removing takes the same time on average, however large it is.

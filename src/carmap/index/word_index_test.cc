@@ -153,6 +153,18 @@ TEST(WordIndex, EquallySimilarOnesComeById) {
   EXPECT_THAT(found, ElementsAreArray<SimilarKeyframe>({{Id(1), 1}, {Id(3), 1}, {Id(5), 1}}));
 }
 
+TEST(WordIndex, ReadsTheRarestWordsWhenItMayNotReadAll) {
+  WordIndex index(kWords);
+  for (uint32_t i = 0; i < 10; ++i) index.Add(Id(i), {{1, 0.5f}, {2 + i % 2, 0.5f}});
+  const WordHistogram histogram = {{1, 0.6f}, {2, 0.4f}};
+  EXPECT_THAT(index.FindSimilar(histogram, {.max_postings = 15}), SizeIs(10));
+  const auto found = index.FindSimilar(histogram, {.max_postings = 14});
+  EXPECT_THAT(found,
+              ElementsAreArray<SimilarKeyframe>(
+                  {{Id(0), 0.4f}, {Id(2), 0.4f}, {Id(4), 0.4f}, {Id(6), 0.4f}, {Id(8), 0.4f}}));
+  EXPECT_THAT(index.FindSimilar(histogram, {.max_postings = 4}), IsEmpty());
+}
+
 TEST(WordIndex, ForgetsWhatWasRemoved) {
   // A keyframe that comes and goes leaves nothing behind.
   std::mt19937_64 random(6);

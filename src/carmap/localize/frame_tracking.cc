@@ -41,7 +41,7 @@ std::optional<TrackedPose> TrackByProjection(const MapSnapshot& map,
                      options.final_radius_px, options.noise);
   if (final.estimate.inlier_count < options.min_inliers) return std::nullopt;
 
-  TrackedPose tracked{final.estimate.camera_from_map, {}};
+  TrackedPose tracked{final.estimate.camera_from_map, {}, final.estimate.covariance};
   for (size_t i = 0; i < final.matches.size(); ++i) {
     if (final.estimate.is_inlier[i]) tracked.inliers.push_back(final.matches[i]);
   }

@@ -27,6 +27,8 @@ struct TrackingOptions {
 struct TrackedPose {
   Rigid3 camera_from_map;
   std::vector<LandmarkMatch> inliers;
+  /// Of the pose, see PoseEstimate.
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
 };
 
 /// Matches landmarks around their projections from `predicted`, refines the pose, and repeats both

@@ -2,8 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace carmap {
+namespace {
+
+constexpr int kMaxSearches = 5;
+constexpr double kSettledM = 0.3;
+constexpr double kLaterRadiusPx = 12;  // of searches from a pose that was found, not guessed
+
+}  // namespace
 
 std::vector<uint32_t> LandmarksSeenBy(const ReconstructedMap& map,
                                       const std::vector<uint32_t>& keyframe_idxs) {
@@ -43,6 +51,26 @@ std::vector<uint32_t> LandmarksAround(const ReconstructedMap& map, const Rigid3&
   const auto covisible = WithCovisible(map, keyframe_idxs.front(), options.covisible_neighbours);
   keyframe_idxs.insert(keyframe_idxs.end(), covisible.begin(), covisible.end());
   return LandmarksSeenBy(map, keyframe_idxs);
+}
+
+std::optional<TrackedPose> TrackAround(const ReconstructedMap& map, const FeatureGrid& grid,
+                                       const StereoRig& rig, Rigid3 camera_from_map,
+                                       TrackingOptions tracking,
+                                       const NeighbourhoodOptions& neighbourhood) {
+  const double later_radius_px = std::min(tracking.first_radius_px, kLaterRadiusPx);
+  std::optional<TrackedPose> best;
+  for (int i = 0; i < kMaxSearches; ++i) {
+    const auto landmark_idxs = LandmarksAround(map, camera_from_map.Inverse(), neighbourhood);
+    auto pose =
+        TrackByProjection(map.snapshot, landmark_idxs, grid, rig, camera_from_map, tracking);
+    if (!pose || (best && pose->inliers.size() < best->inliers.size())) break;
+    const double moved_m = (pose->camera_from_map * camera_from_map.Inverse()).translation.norm();
+    camera_from_map = pose->camera_from_map;
+    best = std::move(pose);
+    if (moved_m < kSettledM) break;
+    tracking.first_radius_px = later_radius_px;
+  }
+  return best;
 }
 
 }  // namespace carmap

@@ -5,10 +5,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "carmap/geometry/rigid3.h"
 #include "carmap/index/reconstruct.h"
+#include "carmap/localize/frame_tracking.h"
 
 namespace carmap {
 
@@ -31,5 +33,13 @@ struct NeighbourhoodOptions {
 /// the nearest of them.
 std::vector<uint32_t> LandmarksAround(const ReconstructedMap& map, const Rigid3& map_from_camera,
                                       const NeighbourhoodOptions& options = {});
+
+/// Tracks in the landmarks around a pose that may be some metres off, and from there again until it
+/// stays: a pose far from where landmarks were looked for was found with those that happened to lie
+/// in the windows there.
+std::optional<TrackedPose> TrackAround(const ReconstructedMap& map, const FeatureGrid& grid,
+                                       const StereoRig& rig, Rigid3 camera_from_map,
+                                       TrackingOptions tracking,
+                                       const NeighbourhoodOptions& neighbourhood);
 
 }  // namespace carmap

@@ -1,7 +1,7 @@
 // Where a frame was taken that tracking cannot place: anywhere in the map that is being built.
 //
-// First the keyframes around where the vehicle should be, then those of the whole map that resemble
-// the frame most. Pure functions, thread-safe on a map that nobody changes.
+// First the keyframes around where the vehicle should be, then the whole map, searched as a given
+// map is (localize/place_search). Pure functions, thread-safe on a map that nobody changes.
 #pragma once
 
 #include <cstddef>
@@ -13,6 +13,7 @@
 #include "carmap/geometry/camera.h"
 #include "carmap/geometry/rigid3.h"
 #include "carmap/localize/frame_tracking.h"
+#include "carmap/localize/place_search.h"
 #include "carmap/map/map.h"
 #include "carmap/map/map_snapshot.h"
 #include "carmap/slam/map_window.h"
@@ -21,15 +22,11 @@ namespace carmap {
 
 struct RecoveryOptions {
   TrackingOptions tracking;
-  WindowOptions window;            ///< of landmarks that are tried together
-  double position_radius_px = 60;  ///< search window when the frame is taken to stand at a keyframe
-  double near_m = 40;              ///< keyframes this close to the prediction are tried first ...
-  size_t near_places = 4;          ///< ... at most so many places
-  int near_inliers = 30;           ///< landmarks that must agree there
-  size_t far_places = 4;           ///< tried by appearance
-  int far_inliers = 80;            ///< nothing else speaks for such a place
-  size_t ranking_features = 300;   ///< of the frame, that rank far places
-  int max_ranking_bits = 50;       ///< between a feature and the landmark that it votes for
+  WindowOptions window;  ///< around a place, in which the frame's pose is told
+  PlaceSearchOptions search;
+  double near_m = 40;        ///< keyframes this close to the prediction are tried first
+  size_t near_inliers = 20;  ///< landmarks that must agree there
+  size_t far_inliers = 50;   ///< nothing else speaks for such a place
 };
 
 struct FoundPlace {
@@ -38,14 +35,13 @@ struct FoundPlace {
   TrackedPose pose;      ///< of the frame in it
 };
 
-/// The frame among those of the candidates that are near the prediction, nearest first.
+/// The frame among those of the candidates that are near the prediction.
 std::optional<FoundPlace> FindNear(const Map& map, const std::vector<KeyframeId>& candidates,
                                    const FeatureGrid& grid, const StereoRig& rig,
                                    const Rigid3& predicted_map_from_camera,
                                    const RecoveryOptions& options);
 
-/// The frame among all candidates, those first that resemble it most. Takes time in proportion to
-/// what they see.
+/// The frame among all candidates. Takes time in proportion to what they see.
 std::optional<FoundPlace> FindAnywhere(const Map& map, const std::vector<KeyframeId>& candidates,
                                        const FeatureGrid& grid, const StereoRig& rig,
                                        const RecoveryOptions& options);

@@ -1,15 +1,29 @@
 #include "carmap/solve/pnp.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <opencv2/calib3d.hpp>
 #include <random>
+
+#include "carmap/solve/alignment.h"
 
 namespace carmap {
 namespace {
 
 constexpr size_t kSampleSize = 3;
+// Of the bound on inliers: a sample should be of good measurements, of which some always are.
+constexpr double kSampleTightness = 1.0 / 3;
+constexpr int kStereoSteps = 3;
+
+Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d cross;
+  cross << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return cross;
+}
+
 using Sample = std::array<size_t, kSampleSize>;
 
 class PnpRansac {
@@ -20,20 +34,26 @@ class PnpRansac {
         noise_(noise),
         measurements_(measurements),
         options_(options),
-        random_(options.seed) {}
+        random_(options.seed) {
+    seen_.reserve(measurements.size());
+    for (const PoseMeasurement& m : measurements) seen_.push_back(See(m));
+  }
 
   std::optional<PoseEstimate> Run() {
     if (measurements_.size() < kSampleSize) return std::nullopt;
     size_t best_count = 0;
     Rigid3 best;
-    for (int i = 0; i < IterationsNeeded(best_count); ++i) {
+    int iterations = options_.max_iterations;
+    for (int i = 0; i < iterations; ++i) {
       const Sample sample = DrawSample();
+      if (!KeepsDistances(sample)) continue;
       for (const Rigid3& pose : SolveMinimal(sample)) {
-        if (!AgreesWithSample(pose, sample)) continue;
+        if (!IsUpright(pose) || !AgreesWithSample(pose, sample)) continue;
         const size_t count = CountInliers(pose, best_count);
         if (count <= best_count) continue;
         best_count = count;
         best = pose;
+        iterations = IterationsNeeded(best_count);
       }
     }
     if (best_count < kSampleSize) return std::nullopt;
@@ -68,8 +88,80 @@ class PnpRansac {
     return sample;
   }
 
-  /// Up to four poses that project the three landmarks onto their pixels.
+  /// Where the stereo pair sees a landmark, and how far off that may be.
+  struct SeenPoint {
+    Eigen::Vector3d p_in_camera = Eigen::Vector3d::Zero();
+    double error_m = std::numeric_limits<double>::infinity();
+  };
+
+  SeenPoint See(const PoseMeasurement& m) const {
+    const double bound = kSampleTightness * options_.inlier_px * m.scale;
+    if (!(m.disparity_px > bound)) return {};
+    const Eigen::Vector3d p = rig_.Triangulate(m.px, m.disparity_px);
+    const double along_m = rig_.DepthAt(m.disparity_px - bound) - p.z();
+    const double across_m = p.z() * bound / rig_.camera.fx;
+    return {p, along_m * p.norm() / p.z() + across_m};
+  }
+
+  /// Rejects nearly all samples with a wrong match for next to nothing: a pose leaves the distances
+  /// between landmarks as they are.
+  bool KeepsDistances(const Sample& sample) const {
+    for (size_t i = 0; i < kSampleSize; ++i) {
+      const size_t a = sample[i], b = sample[(i + 1) % kSampleSize];
+      const double seen_m = (seen_[a].p_in_camera - seen_[b].p_in_camera).norm();
+      const double known_m =
+          (measurements_[a].position_in_map - measurements_[b].position_in_map).norm();
+      if (std::abs(seen_m - known_m) > seen_[a].error_m + seen_[b].error_m) return false;
+    }
+    return true;
+  }
+
   std::vector<Rigid3> SolveMinimal(const Sample& sample) const {
+    const bool is_stereo = std::all_of(sample.begin(), sample.end(), [&](size_t i) {
+      return std::isfinite(seen_[i].error_m) && measurements_[i].position_in_map.allFinite();
+    });
+    return is_stereo ? SolveStereo(sample) : SolveP3P(sample);
+  }
+
+  /// The pose that puts the three landmarks where stereo sees them, and from there the one that
+  /// sees them best: depths are far less certain than pixels.
+  std::vector<Rigid3> SolveStereo(const Sample& sample) const {
+    std::vector<Eigen::Vector3d> known, seen;
+    for (const size_t i : sample) {
+      known.push_back(measurements_[i].position_in_map);
+      seen.push_back(seen_[i].p_in_camera);
+    }
+    auto pose = AlignRigidly(known, seen);
+    if (!pose || !IsUpright(*pose)) return {};
+    for (int step = 0; pose && step < kStereoSteps; ++step) pose = StepOnSample(sample, *pose);
+    if (!pose) return {};
+    return {*pose};
+  }
+
+  /// One Gauss-Newton step; nothing where a landmark gets behind the camera.
+  std::optional<Rigid3> StepOnSample(const Sample& sample, const Rigid3& pose) const {
+    Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
+    Eigen::Matrix<double, 6, 1> gradient = Eigen::Matrix<double, 6, 1>::Zero();
+    for (const size_t i : sample) {
+      const PoseMeasurement& m = measurements_[i];
+      const Eigen::Vector3d p = pose * m.position_in_map;
+      if (!(p.z() > 0)) return std::nullopt;
+      Eigen::Matrix<double, 3, 6> motion;
+      motion << Eigen::Matrix3d::Identity(), -CrossMatrix(p);
+      const Eigen::Matrix<double, 3, 6> jacobian =
+          StereoProjectionJacobian(rig_, p) * motion / m.scale;
+      const Eigen::Vector3d error =
+          (Eigen::Vector3d(m.px.x(), m.px.y(), m.disparity_px) - rig_.Project(p)) / m.scale;
+      normal += jacobian.transpose() * jacobian;
+      gradient += jacobian.transpose() * error;
+    }
+    const Eigen::Matrix<double, 6, 1> delta = normal.ldlt().solve(gradient);
+    if (!delta.allFinite()) return std::nullopt;
+    return Perturb(pose, delta);
+  }
+
+  /// Up to four poses that project the three landmarks onto their pixels.
+  std::vector<Rigid3> SolveP3P(const Sample& sample) const {
     std::vector<cv::Point3d> points;
     std::vector<cv::Point2d> pixels;
     for (const size_t i : sample) {
@@ -92,6 +184,12 @@ class PnpRansac {
       }
     }
     return poses;
+  }
+
+  bool IsUpright(const Rigid3& camera_from_map) const {
+    if (!options_.down_in_map) return true;
+    return (camera_from_map.rotation * *options_.down_in_map).y() >=
+           std::cos(options_.max_tilt_rad);
   }
 
   /// Rejects most of the wrong solutions cheaply: they contradict the disparities.
@@ -143,6 +241,7 @@ class PnpRansac {
   const std::vector<PoseMeasurement>& measurements_;
   const PnpOptions& options_;
   std::mt19937_64 random_;
+  std::vector<SeenPoint> seen_;
 };
 
 }  // namespace

@@ -1,6 +1,8 @@
-// Pose of a frame from matches of which many may be wrong: P3P in a RANSAC loop.
+// Pose of a frame from matches of which many may be wrong: P3P, or the alignment of three points
+// where stereo sees them, in a RANSAC loop.
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -17,6 +19,9 @@ struct PnpOptions {
   double inlier_px = 3;       ///< reprojection bound at level 0, grows with the level's scale; the
                               ///< disparity, where there is one, must agree within the same bound
   int min_inliers = 12;
+  /// Where down is in the map, unit length, if that is known: cars are upright.
+  std::optional<Eigen::Vector3d> down_in_map = std::nullopt;
+  double max_tilt_rad = 0.4;  ///< of the camera's y axis against it
   uint64_t seed = 1;
 };
 

@@ -36,6 +36,32 @@ TEST(PnpTest, FindsThePoseAmongManyOutliers) {
   }
 }
 
+TEST(PnpTest, StereoFindsThePoseAmongNineOutliersOfTen) {
+  for (uint64_t seed = 1; seed <= 10; ++seed) {
+    TestRandom random(seed);
+    const Rigid3 truth = random.Pose(100, 2);
+    const auto measurements = MeasureScene(truth, 300, {0.5, 0.25, 0.9, 0}, random);
+    const auto estimate =
+        SolvePnpRansac(kTestRig, kTestNoise, measurements, {.max_iterations = 10000});
+    ASSERT_TRUE(estimate.has_value()) << seed;
+    EXPECT_LT(DistanceBetween(estimate->camera_from_map, truth), 0.1);
+  }
+}
+
+TEST(PnpTest, RefusesPosesThatAreNotUpright) {
+  TestRandom random(3);
+  const Rigid3 truth{RotationExp({0.1, -0.4, 0.2}), {1, 2, 3}};
+  for (const double mono_ratio : {0.0, 1.0}) {
+    const auto measurements = MeasureScene(truth, 60, {0, 0, 0, mono_ratio}, random);
+    PnpOptions options;
+    options.down_in_map = truth.rotation.conjugate() * Eigen::Vector3d::UnitY();
+    EXPECT_TRUE(SolvePnpRansac(kTestRig, kTestNoise, measurements, options).has_value());
+    options.down_in_map =
+        truth.rotation.conjugate() * (RotationExp({0.5, 0, 0}) * Eigen::Vector3d::UnitY());
+    EXPECT_FALSE(SolvePnpRansac(kTestRig, kTestNoise, measurements, options).has_value());
+  }
+}
+
 TEST(PnpTest, WorksWithoutDisparities) {
   TestRandom random(1);
   const Rigid3 truth = random.Pose(100, 2);

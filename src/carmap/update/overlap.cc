@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "carmap/feature/default_vocabulary.h"
 #include "carmap/feature/feature_grid.h"
+#include "carmap/localize/appearance_localizer.h"
 
 namespace carmap {
 namespace {
@@ -33,17 +35,46 @@ std::vector<uint32_t> CoarseToFine(uint32_t count) {
   return order;
 }
 
-std::optional<Located> Locate(const ReconstructedMap& base, const ReconstructedMap& segment,
-                              uint32_t keyframe_idx, const RelocalizationOptions& options) {
-  const StereoRig& rig = RigOf(segment, keyframe_idx);
-  const std::vector<Feature> features = FeaturesOf(segment, keyframe_idx);
-  const FeatureGrid grid(features, rig.camera.width, rig.camera.height);
-  const SnapshotKeyframe& keyframe = segment.snapshot.keyframes[keyframe_idx];
-  const auto pose = Relocalize(base, grid, rig, keyframe.gps, options);
-  if (!pose) return std::nullopt;
-  return Located{keyframe_idx, pose->inliers.size(),
-                 pose->camera_from_map.Inverse() * keyframe.map_from_camera.Inverse()};
-}
+/// Finds keyframes of a segment in a base map.
+class KeyframeLocator {
+ public:
+  KeyframeLocator(const ReconstructedMap& base, const ReconstructedMap& segment,
+                  const OverlapOptions& options)
+      : segment_(segment),
+        min_inliers_(options.min_inliers),
+        search_(base, {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()},
+                options.place_search) {
+    if (options.by_appearance) by_appearance_.emplace(base.snapshot, DefaultVocabulary());
+  }
+
+  std::optional<Located> Locate(uint32_t keyframe_idx) {
+    const StereoRig& rig = RigOf(segment_, keyframe_idx);
+    const std::vector<Feature> features = FeaturesOf(segment_, keyframe_idx);
+    const SnapshotKeyframe& keyframe = segment_.snapshot.keyframes[keyframe_idx];
+    if (by_appearance_) {
+      return LocatedAt(keyframe_idx, by_appearance_->Localize(features, rig));
+    }
+    const FeatureGrid grid(features, rig.camera.width, rig.camera.height);
+    search_.Forget();  // the keyframes are far from each other
+    const std::vector<PlaceHypothesis> places = search_.Search(grid, rig, keyframe.gps);
+    return LocatedAt(keyframe_idx, places.empty() ? std::nullopt : std::optional(places.front()));
+  }
+
+ private:
+  template <typename Pose>
+  std::optional<Located> LocatedAt(uint32_t keyframe_idx, const std::optional<Pose>& pose) const {
+    if (!pose || pose->inliers.size() < min_inliers_) return std::nullopt;
+    return Located{
+        keyframe_idx, pose->inliers.size(),
+        (segment_.snapshot.keyframes[keyframe_idx].map_from_camera * pose->camera_from_map)
+            .Inverse()};
+  }
+
+  const ReconstructedMap& segment_;
+  const size_t min_inliers_;
+  PlaceSearch search_;
+  std::optional<AppearanceLocalizer> by_appearance_;
+};
 
 bool Agree(const Located& a, const Located& b, const ReconstructedMap& segment,
            const OverlapOptions& options) {
@@ -114,6 +145,7 @@ std::vector<LandmarkPair> PairUp(std::vector<LandmarkPair> matches, size_t base_
 
 CoarseOverlap FindOverlap(const ReconstructedMap& base, const ReconstructedMap& segment,
                           const OverlapOptions& options) {
+  KeyframeLocator locator(base, segment, options);
   CoarseOverlap overlap;
   std::vector<Located> located;
   std::vector<size_t> group;
@@ -121,7 +153,7 @@ CoarseOverlap FindOverlap(const ReconstructedMap& base, const ReconstructedMap& 
        CoarseToFine(static_cast<uint32_t>(segment.snapshot.keyframes.size()))) {
     if (overlap.tried == options.max_tries) break;
     ++overlap.tried;
-    const auto found = Locate(base, segment, keyframe_idx, options.relocalization);
+    const auto found = locator.Locate(keyframe_idx);
     if (!found) continue;
     located.push_back(*found);
     group = LargestGroup(located, segment, options);
@@ -147,15 +179,13 @@ FineOverlap MatchOverlap(const ReconstructedMap& base, const ReconstructedMap& s
   for (uint32_t k = 0; k < segment.snapshot.keyframes.size(); ++k) {
     const Rigid3 base_from_camera =
         base_from_segment * segment.snapshot.keyframes[k].map_from_camera;
-    const auto landmark_idxs =
-        LandmarksAround(base, base_from_camera, options.relocalization.neighbourhood);
+    const auto landmark_idxs = LandmarksAround(base, base_from_camera, options.neighbourhood);
     if (landmark_idxs.empty()) continue;
     const StereoRig& rig = RigOf(segment, k);
     const std::vector<Feature> features = FeaturesOf(segment, k);
     const FeatureGrid grid(features, rig.camera.width, rig.camera.height);
-    const auto pose =
-        TrackByProjection(base.snapshot, landmark_idxs, grid, rig, base_from_camera.Inverse(),
-                          options.relocalization.tracking);
+    const auto pose = TrackByProjection(base.snapshot, landmark_idxs, grid, rig,
+                                        base_from_camera.Inverse(), options.tracking);
     if (!pose) continue;
     overlap.segment_keyframes.push_back(k);
     for (const auto& [landmark_idx, feature_idx] : pose->inliers) {

@@ -2,8 +2,8 @@
 // FindTransform).
 //
 // The segment's reconstructed keyframes are located in the base map like frames of a camera (§3.2):
-// near their GPS fix where both maps have fixes, elsewhere by appearance. Deterministic,
-// thread-safe.
+// near their GPS fix where both maps have fixes, elsewhere by appearance; or, as the baseline that
+// this is compared with, by appearance alone. Deterministic, thread-safe.
 #pragma once
 
 #include <cstddef>
@@ -13,13 +13,18 @@
 
 #include "carmap/geometry/rigid3.h"
 #include "carmap/index/reconstruct.h"
-#include "carmap/localize/relocalization.h"
+#include "carmap/localize/place_search.h"
 #include "carmap/update/landmark_pairs.h"
 
 namespace carmap {
 
 struct OverlapOptions {
-  RelocalizationOptions relocalization;
+  TrackingOptions tracking;
+  NeighbourhoodOptions neighbourhood;
+  PlaceSearchOptions place_search;
+  size_t min_inliers = 30;  ///< of a keyframe that is found
+  /// The baseline: keyframes are found by appearance alone (AppearanceLocalizer).
+  bool by_appearance = false;
   size_t max_tries = 400;       ///< keyframes looked for in the base map, spread over the segment
   size_t enough_keyframes = 8;  ///< that agree end the search
   double agreement_m = 1.5;  ///< between the transforms of two keyframes, at the first of them ...

@@ -78,7 +78,7 @@ struct Fit {
 /// takes the one keyframe with most matches.
 absl::StatusOr<Fit> FindTransform(const ReconstructedMap& base, const ReconstructedMap& segment,
                                   Rigid3 base_from_segment, const StitchOptions& options) {
-  const MeasurementNoise& noise = options.overlap.relocalization.tracking.noise;
+  const MeasurementNoise& noise = options.overlap.tracking.noise;
   constexpr int kRounds = 3;  // more pairs are found with a better transform, and the reverse
   Fit fit;
   for (int round = 0; round < kRounds; ++round) {

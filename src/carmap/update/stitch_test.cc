@@ -5,7 +5,8 @@
 
 #include <set>
 
-#include "carmap/localize/localizer.h"
+#include "carmap/feature/default_vocabulary.h"
+#include "carmap/localize/place_search.h"
 #include "carmap/map/test_street.h"
 
 namespace carmap {
@@ -123,19 +124,20 @@ TEST(Stitch, PlacesANoisySegmentOfTheNextLaneAndLocalizesInTheResult) {
   ASSERT_TRUE(stitched.ok()) << stitched.status();
   const Rigid3 error = kBaseFromSegment.Inverse() * stitched->report.base_from_segment;
   EXPECT_LT(RotationAngle(error.rotation), 1e-3);
-  const Eigen::Vector3d center = kSegmentFromWorld * Eigen::Vector3d(0, 0, 80);
-  EXPECT_LT((error * center - center).norm(), 0.03);
+  const Eigen::Vector3d middle = kSegmentFromWorld * Eigen::Vector3d(0, 0, 80);
+  EXPECT_LT((error * middle - middle).norm(), 0.03);
 
   const ReconstructedMap map = Reconstruct(stitched->map);
-  Localizer localizer(map, kStreetRig);
+  PlaceSearch search(map, {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()});
   int n = 0;
   for (const Rigid3& world_from_camera : DriveAlong(1, 3, 110, 1.1)) {
-    const auto frame =
-        localizer.Localize(Timestamp::FromSeconds(0.1 * n),
-                           SeeStreet(street, kStreetRig, world_from_camera, kNoise, n + 1));
-    ASSERT_TRUE(frame.map_from_camera) << n;
+    const auto features = SeeStreet(street, kStreetRig, world_from_camera, kNoise, n + 1);
+    const FeatureGrid grid(features, kStreetRig.camera.width, kStreetRig.camera.height);
+    const auto places = search.Search(grid, kStreetRig, std::nullopt);
+    ASSERT_FALSE(places.empty()) << n;
     const Rigid3 truth = kBaseFromWorld * world_from_camera;
-    EXPECT_LT((frame.map_from_camera->translation - truth.translation).norm(), 0.1) << n;
+    const Eigen::Vector3d center = places.front().camera_from_map.Inverse().translation;
+    EXPECT_LT((center - truth.translation).norm(), 0.1) << n;
     ++n;
   }
 }
@@ -150,7 +152,8 @@ TEST(Stitch, RefusesASegmentThatDoesNotOverlap) {
   }
 }
 
-TEST(Stitch, RefusesASegmentWhoseGpsIsElsewhere) {
+// A receiver may be wrong by any distance; what the segment shows tells where it lies.
+TEST(Stitch, JoinsASegmentWhoseGpsIsElsewhere) {
   const Street street = MakeStreet(3, 170);
   LeanMap base = BaseMap(street), segment = Segment(street, 0, 45, 120);
   const LocalEnu enu({49, 8.4, 110});
@@ -161,10 +164,29 @@ TEST(Stitch, RefusesASegmentWhoseGpsIsElsewhere) {
     }
   };
   give_gps(base, kBaseFromWorld, 0);
-  give_gps(segment, kSegmentFromWorld, 10);
-  EXPECT_TRUE(Stitch(base, segment).ok());
-  give_gps(segment, kSegmentFromWorld, 2000);
-  EXPECT_EQ(Stitch(base, segment).status().code(), absl::StatusCode::kFailedPrecondition);
+  for (const double east_m : {10.0, 60.0, 2000.0}) {
+    give_gps(segment, kSegmentFromWorld, east_m);
+    const auto stitched = Stitch(base, segment);
+    ASSERT_TRUE(stitched.ok()) << stitched.status();
+    const Rigid3 error = kBaseFromSegment.Inverse() * stitched->report.base_from_segment;
+    EXPECT_LT(error.translation.norm(), 0.05) << east_m;
+  }
+}
+
+TEST(Stitch, FindsTheOverlapByAppearanceAlone) {
+  StitchOptions by_appearance;
+  by_appearance.overlap.by_appearance = true;
+  const Street street = MakeStreet(3, 170);
+  LeanMap base = BaseMap(street), segment = Segment(street, 0, 45, 120);
+  // Fixes that are wrong by kilometres do not matter.
+  const LocalEnu enu({49, 8.4, 110});
+  for (LeanKeyframe& keyframe : base.keyframes) keyframe.gps = enu.ToGps({0, 0, 0});
+  for (LeanKeyframe& keyframe : segment.keyframes) keyframe.gps = enu.ToGps({5000, 0, 0});
+  const auto stitched = Stitch(base, segment, by_appearance);
+  ASSERT_TRUE(stitched.ok()) << stitched.status();
+  const Rigid3 error = kBaseFromSegment.Inverse() * stitched->report.base_from_segment;
+  EXPECT_LT((error * Eigen::Vector3d(0, 0, 0)).norm(), 0.1);
+  EXPECT_FALSE(Stitch(base, Segment(MakeStreet(77, 170), 0, 45, 120), by_appearance).ok());
 }
 
 // The base map holds one half of the segment's street here, the other elsewhere.
