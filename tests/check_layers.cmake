@@ -14,8 +14,9 @@ set(layers
   "index format"
   "localize"
   "update slam store"
+  "vehicle ingest"
   "proto"
-  "service vehicle"
+  "service client"
   "eval")
 
 cmake_minimum_required(VERSION 3.25)

@@ -37,7 +37,7 @@ expect_rejected(format/deep/bad.h "#include \"carmap/index/x.h\"" "format and in
 expect_rejected(index/bad.h "#include \"carmap/format/x.h\"" "index and format are peers")
 expect_rejected(feature/bad.h "#include \"carmap/dataset/x.h\"" "feature and dataset are peers")
 expect_rejected(slam/bad.h "#include \"carmap/update/x.h\"" "slam and update are peers")
-expect_rejected(vehicle/bad.h "#include \"carmap/service/x.h\"" "vehicle and service are peers")
+expect_rejected(vehicle/bad.h "#include \"carmap/ingest/x.h\"" "vehicle and ingest are peers")
 expect_rejected(base/bad.h "#include \"../map/lean_map.h\"" "write it from the source folder")
 expect_rejected(base/bad.h "#include \"apps/carmap/x.h\"" "write it from the source folder")
 expect_rejected(base/bad.h "#include \"carmap/novel/x.h\"" "module novel is in no layer")

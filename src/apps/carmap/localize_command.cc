@@ -1,6 +1,9 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <CLI/App.hpp>
+#include <algorithm>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -9,6 +12,7 @@
 #include <vector>
 
 #include "apps/carmap/commands.h"
+#include "apps/carmap/evaluated_map.h"
 #include "apps/carmap/outputs.h"
 #include "apps/carmap/reports.h"
 #include "carmap/base/file.h"
@@ -17,15 +21,18 @@
 #include "carmap/base/stopwatch.h"
 #include "carmap/dataset/image_file.h"
 #include "carmap/dataset/kitti_drive.h"
-#include "carmap/dataset/read_ahead.h"
 #include "carmap/eval/canvas.h"
 #include "carmap/eval/error_picture.h"
 #include "carmap/eval/frame_picture.h"
 #include "carmap/eval/localization_error.h"
+#include "carmap/eval/map_truth.h"
+#include "carmap/feature/default_vocabulary.h"
 #include "carmap/feature/stereo_features.h"
 #include "carmap/format/lean_codec.h"
 #include "carmap/index/reconstruct.h"
-#include "carmap/localize/localizer.h"
+#include "carmap/slam/drive_mapper.h"
+#include "carmap/slam/frame_extraction.h"
+#include "carmap/vehicle/base_tracker.h"
 
 namespace carmap {
 namespace {
@@ -39,22 +46,16 @@ struct LoadedMap {
   LeanMap lean;
   StereoRig rig;  ///< of the vehicle that localizes
   ReconstructedMap map;
+  size_t bytes = 0;
   double read_ms = 0, decode_ms = 0, rebuild_ms = 0;
 };
-
-/// The rig that drives, with the disparity bias that was learnt if the same one mapped.
-StereoRig AsMapped(const StereoRig& rig, const LeanMap& map) {
-  for (const LeanDrive& drive : map.drives) {
-    if (drive.rig.camera == rig.camera && drive.rig.baseline_m == rig.baseline_m) return drive.rig;
-  }
-  return rig;
-}
 
 absl::StatusOr<LoadedMap> LoadMap(const std::string& path, const StereoRig& rig) {
   LoadedMap loaded;
   const Stopwatch read_watch;
   CARMAP_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, kMaxLeanFileBytes));
   loaded.read_ms = read_watch.ElapsedMs();
+  loaded.bytes = bytes.size();
   const Stopwatch decode_watch;
   CARMAP_ASSIGN_OR_RETURN(loaded.lean, DecodeLeanMap(bytes, path));
   loaded.decode_ms = decode_watch.ElapsedMs();
@@ -63,71 +64,65 @@ absl::StatusOr<LoadedMap> LoadMap(const std::string& path, const StereoRig& rig)
         fmt::format("{}: holds no landmark to localize by; map a longer drive", path));
   }
   const Stopwatch rebuild_watch;
-  loaded.rig = AsMapped(rig, loaded.lean);
-  loaded.map = Reconstruct(loaded.lean, rig.camera.fx);
+  loaded.rig = AsMapped(StereoFrontEnd(rig).rig(), loaded.lean);
+  loaded.map = Reconstruct(loaded.lean, loaded.rig.camera.fx);
   loaded.rebuild_ms = rebuild_watch.ElapsedMs();
   return loaded;
 }
 
-/// Aligns the map to --map-truth; nothing if that was not asked for.
-absl::StatusOr<std::optional<MapAlignment>> AlignMap(const LeanMap& map, const KittiDrive& drive,
+/// Lays the map on --map-truth; nothing if that was not asked for.
+absl::StatusOr<std::optional<EvaluatedMap>> AlignMap(const LeanMap& map, const KittiDrive& drive,
                                                      const Arguments& arguments) {
   if (arguments.map_truth.empty()) return std::nullopt;
-  CARMAP_ASSIGN_OR_RETURN(const auto truth_drive, KittiDrive::Open(arguments.map_truth));
-  for (const auto& [folder, truth] : {std::pair(&arguments.map_truth, &truth_drive->truth()),
-                                      std::pair(&arguments.drive, &drive.truth())}) {
-    if (truth->empty()) {
-      return absl::NotFoundError(fmt::format(
-          "{}/poses.txt: no such file; with --map-truth both drives need ground truth", *folder));
-    }
-  }
-  auto alignment = AlignMapToTruth(map, truth_drive->truth());
-  if (!alignment.ok()) return WithName(arguments.map, alignment.status());
-  return *alignment;
+  CARMAP_ASSIGN_OR_RETURN(EvaluatedMap evaluated,
+                          AlignToTruth(map, arguments.map, arguments.map_truth));
+  CARMAP_RETURN_IF_ERROR(CheckTruth(drive, arguments.drive));
+  return evaluated;
 }
+
+/// What became of one frame.
+struct FrameResult {
+  uint32_t index = 0;
+  VehiclePose pose;
+  double frame_ms = 0;
+};
 
 struct LocalizedDrive {
   Trajectory trajectory;  ///< in the map's frame, one entry a frame
-  std::vector<LostFrame> lost_frames;
-  size_t unusable_frames = 0;  ///< of the lost ones, those whose images are at fault, not the map
+  std::vector<FrameResult> frames;
+  std::vector<LostFrame> unusable_frames;  ///< whose images are at fault; dead reckoned or lost
+  std::vector<LostFrame> lost_frames;      ///< without a pose
   std::vector<double> frame_ms;
-  size_t tracked = 0, tracked_widely = 0, relocalized = 0;
+  size_t by_map = 0, by_dead_reckoning = 0;
+  double longest_dead_reckoning_m = 0;
   FramePicture best_frame;  ///< the one with most landmarks
 
-  size_t localized() const { return trajectory.size() - lost_frames.size(); }
+  size_t localized() const { return by_map + by_dead_reckoning; }
 };
 
 /// One drive's way through the map, frame by frame.
 class DriveLocalizer {
  public:
-  explicit DriveLocalizer(const LoadedMap& loaded)
-      : rig_(loaded.rig), front_end_(rig_), localizer_(loaded.map, rig_) {}
+  DriveLocalizer(const LoadedMap& loaded, const StereoFrontEnd& front_end)
+      : front_end_(front_end),
+        own_map_(loaded.rig, DriveId(), OwnMapOptions()),
+        tracker_(loaded.map, loaded.rig,
+                 {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()}) {}
 
-  void Take(const StereoFrame& frame) {
+  void Take(const ExtractedFrame& frame) {
+    const TrackedFrame& own = own_map_.Take(frame);
+    const Stopwatch watch;
+    FrameResult result{frame.index, tracker_.Take(frame, own), 0};
     TimedPose& pose = drive_.trajectory.emplace_back();
     pose.timestamp = frame.timestamp;
-    if (HaveSamePixels(frame.left, previous_left_)) {
-      return LoseUnusable(frame.index,
-                          "the image is the same as the one before: the camera was frozen");
+    if (result.pose.pose) pose.world_from_camera = result.pose.pose->camera_from_base.Inverse();
+    if (frame.features) {
+      result.frame_ms = own_map_.last_frame_ms() + watch.ElapsedMs();
+      drive_.frame_ms.push_back(result.frame_ms);
+      RememberIfBest(frame, result.pose.inliers);
     }
-    previous_left_ = frame.left;
-    const Stopwatch watch;
-    const std::vector<Feature> features = front_end_.Extract(frame.left, frame.right);
-    const LocalizedFrame localized = localizer_.Localize(frame.timestamp, features, frame.gps);
-    drive_.frame_ms.push_back(watch.ElapsedMs());
-    pose.world_from_camera = localized.map_from_camera;
-    Count(localized.found_by);
-    if (localized.map_from_camera) return RememberIfBest(frame, features, localized.inliers);
-    if (features.size() < kMinFeatures) {
-      return LoseUnusable(frame.index,
-                          fmt::format("only {} features in the image", features.size()));
-    }
-    drive_.lost_frames.push_back({frame.index, "it was not found in the map"});
-  }
-
-  void TakeUnreadable(uint32_t index, Timestamp timestamp, const absl::Status& status) {
-    drive_.trajectory.push_back({timestamp, std::nullopt});
-    LoseUnusable(index, std::string(status.message()));
+    Count(frame, result.pose);
+    drive_.frames.push_back(std::move(result));
   }
 
   LocalizedDrive& drive() { return drive_; }
@@ -135,64 +130,128 @@ class DriveLocalizer {
  private:
   static constexpr size_t kMinFeatures = 50;  ///< fewer come of a black or blinded image
 
-  void RememberIfBest(const StereoFrame& frame, const std::vector<Feature>& features,
-                      const std::vector<LandmarkMatch>& inliers) {
+  /// The drive's own map only carries the pose from frame to frame.
+  static MapDriveOptions OwnMapOptions() {
+    MapDriveOptions options;
+    options.loops.close_loops = false;
+    return options;
+  }
+
+  void RememberIfBest(const ExtractedFrame& frame, const std::vector<LandmarkMatch>& inliers) {
     if (inliers.size() <= most_inliers_) return;
     most_inliers_ = inliers.size();
-    drive_.best_frame = {fmt::format("Frame {} in the map", frame.index), frame.left, features,
-                         std::vector<bool>(features.size())};
+    drive_.best_frame = {fmt::format("Frame {} in the map", frame.index),
+                         front_end_.AtFeatureSize(frame.left), *frame.features,
+                         std::vector<bool>(frame.features->size())};
     for (const LandmarkMatch& match : inliers) drive_.best_frame.in_map[match.feature_idx] = true;
   }
 
-  void LoseUnusable(uint32_t index, const std::string& reason) {
-    ++drive_.unusable_frames;
-    drive_.lost_frames.push_back({index, reason});
+  void Count(const ExtractedFrame& frame, const VehiclePose& pose) {
+    drive_.by_map += pose.known_by == KnownBy::kMap;
+    drive_.by_dead_reckoning += pose.known_by == KnownBy::kDeadReckoning;
+    drive_.longest_dead_reckoning_m =
+        std::max(drive_.longest_dead_reckoning_m, pose.dead_reckoned_m);
+    std::string unusable = frame.unusable_because;
+    if (frame.features && frame.features->size() < kMinFeatures) {
+      unusable = fmt::format("only {} features in the image", frame.features->size());
+    }
+    if (!unusable.empty()) drive_.unusable_frames.push_back({frame.index, unusable});
+    if (pose.known_by != KnownBy::kLost) return;
+    drive_.lost_frames.push_back(
+        {frame.index, unusable.empty() ? "it was not found in the map" : unusable});
   }
 
-  void Count(FoundBy found_by) {
-    drive_.tracked += found_by == FoundBy::kTracking;
-    drive_.tracked_widely += found_by == FoundBy::kWideTracking;
-    drive_.relocalized += found_by == FoundBy::kRelocalization;
-  }
-
-  const StereoRig rig_;
-  StereoFrontEnd front_end_;
-  Localizer localizer_;
-  cv::Mat previous_left_;
+  const StereoFrontEnd& front_end_;
+  DriveMapper own_map_;
+  BaseTracker tracker_;
   size_t most_inliers_ = 0;
   LocalizedDrive drive_;
 };
 
 LocalizedDrive LocalizeDrive(KittiDrive& drive, const LoadedMap& loaded) {
-  DriveLocalizer localizer(loaded);
-  ReadAhead reading(drive, /*sequential=*/false);
-  Progress progress("localizing", drive.frame_count());
-  for (size_t n = 0; n < drive.frame_count(); ++n) {
-    const auto frame = reading.Next();
-    if (frame.ok()) {
-      localizer.Take(**frame);
-    } else {
-      localizer.TakeUnreadable(drive.first_index() + static_cast<uint32_t>(n), drive.timestamp(n),
-                               frame.status());
-    }
-    progress.Update(n + 1, fmt::format("{} localized", localizer.drive().localized()));
+  FrameExtraction frames(drive, {}, /*sequential=*/false);
+  DriveLocalizer localizer(loaded, frames.front_end());
+  Progress progress("localizing", drive.size());
+  for (size_t taken = 1; const auto frame = frames.Next(); ++taken) {
+    localizer.Take(*frame);
+    progress.Update(taken, fmt::format("{} localized", localizer.drive().localized()));
   }
   return std::move(localizer.drive());
+}
+
+const char* WordOf(KnownBy known_by) {
+  switch (known_by) {
+    case KnownBy::kMap:
+      return "map";
+    case KnownBy::kDeadReckoning:
+      return "dead_reckoning";
+    case KnownBy::kLost:
+      break;
+  }
+  return "lost";
+}
+
+/// Root of the mean squared error of the position that the covariance states.
+double SigmaM(const UncertainPose& pose) {
+  return std::sqrt(pose.covariance.topLeftCorner<3, 3>().trace());
+}
+
+void AddErrors(const UncertainPose& pose, const Rigid3& world_from_camera,
+               const EvaluatedMap& evaluated, nlohmann::ordered_json& detail) {
+  const Rigid3 base_from_camera = pose.camera_from_base.Inverse(),
+               true_base_from_camera = evaluated.truth.InMap(world_from_camera);
+  const PoseError error = ErrorOf(evaluated.alignment.world_from_map * base_from_camera,
+                                  world_from_camera),
+                  map_error = ErrorOf(base_from_camera, true_base_from_camera);
+  detail["position_error_m"] = error.position_m;
+  detail["rotation_error_deg"] = error.rotation_deg;
+  detail["map_position_error_m"] = map_error.position_m;
+  detail["map_rotation_error_deg"] = map_error.rotation_deg;
+  detail["squared_mahalanobis"] =
+      NormalizedErrorOf(pose.camera_from_base, pose.covariance, true_base_from_camera.Inverse())
+          .position;
+}
+
+nlohmann::ordered_json DetailOf(const FrameResult& frame) {
+  nlohmann::ordered_json json;
+  json["index"] = frame.index;
+  json["known_by"] = WordOf(frame.pose.known_by);
+  json["dead_reckoned_m"] = frame.pose.dead_reckoned_m;
+  json["inliers"] = frame.pose.inliers.size();
+  json["ms"] = frame.frame_ms;
+  if (frame.pose.pose) json["sigma_m"] = SigmaM(*frame.pose.pose);
+  return json;
+}
+
+/// Each frame, with its errors where the truth is known.
+nlohmann::ordered_json DetailsOf(const LocalizedDrive& localized, const Trajectory& truth,
+                                 const std::optional<EvaluatedMap>& evaluated) {
+  auto details = nlohmann::ordered_json::array();
+  for (size_t i = 0; i < localized.frames.size(); ++i) {
+    const FrameResult& frame = localized.frames[i];
+    details.push_back(DetailOf(frame));
+    if (!evaluated || !frame.pose.pose || !truth[i].world_from_camera) continue;
+    AddErrors(*frame.pose.pose, *truth[i].world_from_camera, *evaluated, details.back());
+  }
+  return details;
 }
 
 nlohmann::ordered_json ToJson(const LoadedMap& loaded, const LocalizedDrive& localized) {
   nlohmann::ordered_json report;
   report["frames"] = localized.trajectory.size();
   report["localized_frames"] = localized.localized();
-  report["found_by"] = {{"tracking", localized.tracked},
-                        {"wide_tracking", localized.tracked_widely},
-                        {"relocalization", localized.relocalized}};
+  report["known_by"] = {{"map", localized.by_map},
+                        {"dead_reckoning", localized.by_dead_reckoning},
+                        {"lost", localized.lost_frames.size()}};
+  report["longest_dead_reckoning_m"] = localized.longest_dead_reckoning_m;
   report["load_ms"] = {{"read", loaded.read_ms},
                        {"decode", loaded.decode_ms},
                        {"rebuild", loaded.rebuild_ms},
                        {"total", loaded.read_ms + loaded.decode_ms + loaded.rebuild_ms}};
+  report["map_bytes"] = loaded.bytes;
   report["frame_ms"] = ToJson(Summarize(localized.frame_ms));
   report["peak_rss_mb"] = PeakMemoryMb();
+  report["unusable_frames"] = ToJson(localized.unusable_frames);
   report["lost_frames"] = ToJson(localized.lost_frames);
   return report;
 }
@@ -205,12 +264,12 @@ void AddErrors(const MapAlignment& alignment, const LocalizationError& error,
 }
 
 absl::Status WriteMapFromAbove(const LoadedMap& loaded, const LocalizedDrive& localized,
-                               const std::optional<MapAlignment>& alignment,
+                               const std::optional<EvaluatedMap>& evaluated,
                                const Trajectory& truth, const Arguments& arguments) {
   std::vector<PicturePath> paths;
-  if (alignment) {
+  if (evaluated) {
     paths.push_back(
-        PathOf("ground truth", kTruthColour, truth, alignment->world_from_map.Inverse()));
+        PathOf("ground truth", kTruthColour, truth, evaluated->alignment.world_from_map.Inverse()));
   }
   paths.push_back(PathOf("localized", kEstimateColour, localized.trajectory));
   const std::string title =
@@ -233,26 +292,27 @@ cv::Mat DrawErrors(const LocalizedDrive& localized, const MapAlignment& alignmen
 }
 
 absl::Status WritePictures(const LoadedMap& loaded, const LocalizedDrive& localized,
-                           const std::optional<MapAlignment>& alignment, const Trajectory& truth,
+                           const std::optional<EvaluatedMap>& evaluated, const Trajectory& truth,
                            const Arguments& arguments) {
   if (!arguments.picture.empty()) {
-    CARMAP_RETURN_IF_ERROR(WriteMapFromAbove(loaded, localized, alignment, truth, arguments));
+    CARMAP_RETURN_IF_ERROR(WriteMapFromAbove(loaded, localized, evaluated, truth, arguments));
   }
   if (!arguments.frame_picture.empty()) {
     CARMAP_RETURN_IF_ERROR(
         WritePng(arguments.frame_picture, RenderFramePicture(localized.best_frame)));
   }
   if (!arguments.error_picture.empty()) {
-    CARMAP_RETURN_IF_ERROR(
-        WritePng(arguments.error_picture, DrawErrors(localized, *alignment, truth, arguments)));
+    CARMAP_RETURN_IF_ERROR(WritePng(arguments.error_picture,
+                                    DrawErrors(localized, evaluated->alignment, truth, arguments)));
   }
   return absl::OkStatus();
 }
 
 void PrintSummary(const LoadedMap& loaded, const LocalizedDrive& localized,
                   const std::optional<LocalizationError>& error) {
-  fmt::print("localized     {} of {}\n", localized.localized(),
-             Count(localized.trajectory.size(), "frame"));
+  fmt::print("localized     {} of {}: {} by the map, {} by dead reckoning ({:.1f} m at most)\n",
+             localized.localized(), Count(localized.trajectory.size(), "frame"), localized.by_map,
+             localized.by_dead_reckoning, localized.longest_dead_reckoning_m);
   fmt::print("map           loaded in {:.1f} ms (read {:.1f}, decode {:.1f}, rebuild {:.1f})\n",
              loaded.read_ms + loaded.decode_ms + loaded.rebuild_ms, loaded.read_ms,
              loaded.decode_ms, loaded.rebuild_ms);
@@ -260,6 +320,29 @@ void PrintSummary(const LoadedMap& loaded, const LocalizedDrive& localized,
   if (!error) return;
   fmt::print("position      {} m off\n", ToText(error->position_m, 3));
   fmt::print("rotation      {} deg off\n", ToText(error->rotation_deg, 3));
+}
+
+/// Which frames have no pose, summed up in one line.
+void PrintNotFound(const LocalizedDrive& localized) {
+  constexpr size_t kMaxRanges = 5;
+  if (localized.lost_frames.empty()) return;
+  std::vector<std::pair<uint32_t, uint32_t>> ranges;
+  for (const LostFrame& frame : localized.lost_frames) {
+    if (ranges.empty() || frame.index != ranges.back().second + 1) {
+      ranges.emplace_back(frame.index, frame.index);
+    }
+    ranges.back().second = frame.index;
+  }
+  std::vector<std::string> words;
+  for (const auto& [first, last] : ranges) {
+    if (words.size() == kMaxRanges) {
+      words.push_back("...");
+      break;
+    }
+    words.push_back(first == last ? fmt::format("{}", first) : fmt::format("{}-{}", first, last));
+  }
+  fmt::print("not found     {}: {}; where the map does not show the road, or not yet known\n",
+             Count(localized.lost_frames.size(), "frame"), fmt::join(words, ", "));
 }
 
 absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
@@ -270,33 +353,35 @@ absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
                                       inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive, arguments.range));
   CARMAP_ASSIGN_OR_RETURN(const LoadedMap loaded, LoadMap(arguments.map, drive->rig()));
-  CARMAP_ASSIGN_OR_RETURN(const std::optional<MapAlignment> alignment,
+  CARMAP_ASSIGN_OR_RETURN(const std::optional<EvaluatedMap> evaluated,
                           AlignMap(loaded.lean, *drive, arguments));
 
   const LocalizedDrive localized = LocalizeDrive(*drive, loaded);
+  std::optional<LocalizationError> error;
+  if (evaluated) {
+    error = EvaluateLocalization(localized.trajectory, drive->truth(),
+                                 evaluated->alignment.world_from_map);
+  }
+  if (!arguments.report.empty()) {
+    nlohmann::ordered_json report = ToJson(loaded, localized);
+    if (error) AddErrors(evaluated->alignment, *error, report);
+    report["frames_detail"] = DetailsOf(localized, drive->truth(), evaluated);
+    CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, report));
+  }
   if (localized.localized() == 0) {
     return absl::NotFoundError(fmt::format(
         "{}: no frame of {} was found in {} (the first: {}); take a map of the road that it drives",
         arguments.drive, localized.trajectory.size(), arguments.map,
         localized.lost_frames.front().reason));
   }
-  std::optional<LocalizationError> error;
-  if (alignment) {
-    error = EvaluateLocalization(localized.trajectory, drive->truth(), alignment->world_from_map);
-  }
-
   if (!arguments.trajectory.empty()) {
     CARMAP_RETURN_IF_ERROR(WriteTrajectory(arguments.trajectory, localized.trajectory));
   }
-  if (!arguments.report.empty()) {
-    nlohmann::ordered_json report = ToJson(loaded, localized);
-    if (error) AddErrors(*alignment, *error, report);
-    CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, report));
-  }
-  CARMAP_RETURN_IF_ERROR(WritePictures(loaded, localized, alignment, drive->truth(), arguments));
+  CARMAP_RETURN_IF_ERROR(WritePictures(loaded, localized, evaluated, drive->truth(), arguments));
   PrintSummary(loaded, localized, error);
-  PrintLostFrames(arguments.drive, localized.lost_frames);
-  return localized.unusable_frames == 0 ? kSuccess : kIncomplete;
+  PrintLostFrames(arguments.drive, localized.unusable_frames);
+  PrintNotFound(localized);
+  return localized.unusable_frames.empty() ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -339,14 +424,23 @@ void AddLocalizeCommand(CLI::App& app, Command& chosen) {
       ->needs("--map-truth")
       ->type_name("P.png");
   command->footer(
-      R"(If the drive has gps.txt and the map has GPS fixes, a frame is looked for near its fix; otherwise in
-the whole map. Once found, it is followed from frame to frame.
+      R"(The vehicle tracks itself in a map of its own; the landmarks of MAP that it sees correct its pose. A
+frame that shows none is known by dead reckoning, with a covariance that grows. While the vehicle
+does not know where it is, it looks near its fix, if the drive has gps.txt and the map has GPS
+fixes, and then in the whole map, and believes in a place that agrees with its own motion.
+
+The report tells of each frame how its pose is known (map, dead_reckoning, lost), how far it was
+dead reckoned, and the covariance (6x6, metres and radians in the camera: translation, rotation).
 
 The report's load_ms is the time to read the file, decode it, and rebuild what it leaves out;
-frame_ms is from images in memory to the frame's pose.
+frame_ms is from images in memory to the frame's pose. frames_detail has each frame: by what it is
+known, sigma_m (the root mean squared error of the position that the covariance states) and, with
+--map-truth, its errors against the truth, against the map's own trajectory (map_…: without the map's
+scale and drift), and squared_mahalanobis: of the latter position error, 3 degrees of freedom.
 
-Frames that are not found in the map are listed and do not change the exit code as long as one is
-found. Frames whose images cannot be used (unreadable, black, frozen) do.
+Frames that are not found in the map are counted and do not change the exit code as long as one is
+found; the report is written even if none is. Frames whose images cannot be used (unreadable, black,
+frozen) are listed, and do.
 
 Examples:
   carmap localize kitti06_000-050 --map road.cmap --trajectory localized.txt

@@ -1,0 +1,249 @@
+#include "carmap/vehicle/base_tracker.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "carmap/localize/landmark_matcher.h"
+#include "carmap/localize/motion_model.h"
+
+namespace carmap {
+namespace {
+
+/// Landmarks around a place serve as long as the vehicle is so near to it.
+constexpr double kNeighbourhoodM = 3, kNeighbourhoodRad = 0.2;
+/// A pose settles when the second search starts so near to the first one's result.
+constexpr double kSettledM = 0.05, kSettledRad = 0.001;
+
+double SigmaM(const Matrix6d& covariance) {
+  return std::sqrt(covariance.topLeftCorner<3, 3>().trace() / 3);
+}
+double SigmaRad(const Matrix6d& covariance) {
+  return std::sqrt(covariance.bottomRightCorner<3, 3>().trace() / 3);
+}
+
+/// A place found in one frame is surer of itself than it should be: its landmarks share errors.
+UncertainPose FoundPose(const Rigid3& camera_from_base, const Matrix6d& covariance) {
+  constexpr double kFactor = 25, kFloorM = 0.1, kFloorRad = 0.004;
+  UncertainPose pose{camera_from_base, kFactor * covariance};
+  pose.covariance.diagonal().head<3>().array() += kFloorM * kFloorM;
+  pose.covariance.diagonal().tail<3>().array() += kFloorRad * kFloorRad;
+  return pose;
+}
+
+}  // namespace
+
+BaseTracker::BaseTracker(const ReconstructedMap& base, const StereoRig& rig,
+                         std::shared_ptr<const Vocabulary> vocabulary,
+                         const BaseTrackerOptions& options)
+    : base_(base),
+      rig_(rig),
+      options_(options),
+      search_(base, std::move(vocabulary), options.search) {}
+
+VehiclePose BaseTracker::Take(const ExtractedFrame& frame, const TrackedFrame& own) {
+  const std::optional<Step> step = StepOf(frame, own);
+  if (!own.reference) {  // nothing but its motion so far tells where it is
+    return step ? Report(*step, {}) : VehiclePose();
+  }
+  const FeatureGrid grid(*frame.features, rig_.camera.width, rig_.camera.height);
+  Observation seen;
+  if (step && window_) {
+    const UncertainPose predicted = AfterMotion(window_->newest(), step->motion, step->covariance);
+    if (auto observation = Observe(grid, predicted)) seen = *std::move(observation);
+    window_->Add(step->motion, step->covariance, std::move(seen.seen));
+    dead_reckoned_m_ =
+        seen.inliers.empty() ? dead_reckoned_m_ + step->motion.translation.norm() : 0;
+    if (SigmaM(window_->newest().covariance) > options_.max_sigma_m) window_.reset();
+  }
+  if (step) FollowHypotheses(grid, *step);
+  if (!window_ || dead_reckoned_m_ > options_.search_after_m) {
+    SearchPlaces(grid, frame.gps);
+    if (const Hypothesis* believed = BelievedHypothesis()) {
+      seen.inliers = believed->inliers;
+      Start(*believed);
+    }
+  } else {
+    hypotheses_.clear();
+  }
+  return Report({}, std::move(seen));
+}
+
+/// By the drive's own tracking; where it was lost, the vehicle is taken to have kept its speed.
+std::optional<BaseTracker::Step> BaseTracker::StepOf(const ExtractedFrame& frame,
+                                                     const TrackedFrame& own) {
+  const double elapsed_s = last_time_ ? frame.timestamp.seconds() - last_time_->seconds() : 0;
+  std::optional<Step> step;
+  if (own.camera_from_previous) {
+    step = Step{*own.camera_from_previous,
+                MotionCovariance(*own.camera_from_previous, options_.window.motion)};
+  } else if (last_motion_s_ > 0) {
+    const Rigid3 motion = Extrapolate(last_motion_, elapsed_s / last_motion_s_);
+    MotionNoise noise = options_.window.motion;
+    noise.drift_ratio = options_.unseen_motion_ratio;
+    noise.drift_rad_per_m = options_.unseen_motion_ratio / 10;
+    step = Step{motion, MotionCovariance(motion, noise)};
+  }
+  if (own.reference) last_time_ = frame.timestamp;
+  if (own.camera_from_previous) {
+    last_motion_ = *own.camera_from_previous;
+    last_motion_s_ = own.since_previous_s;
+  }
+  return step;
+}
+
+const std::vector<uint32_t>& BaseTracker::LandmarksNear(const Rigid3& base_from_camera) {
+  const Rigid3 moved = neighbourhood_center_.Inverse() * base_from_camera;
+  if (neighbourhood_.empty() || moved.translation.norm() > kNeighbourhoodM ||
+      RotationAngle(moved.rotation) > kNeighbourhoodRad) {
+    neighbourhood_center_ = base_from_camera;
+    neighbourhood_ = LandmarksAround(base_, base_from_camera, options_.neighbourhood);
+  }
+  return neighbourhood_;
+}
+
+/// A landmark's place is known across the line of sight as well as its nearest viewer saw it, along
+/// it by stereo.
+SeenLandmarks BaseTracker::See(const FeatureGrid& grid, const Rigid3& camera_from_base,
+                               const std::vector<LandmarkMatch>& matches) const {
+  const MeasurementNoise& noise = options_.window.noise;
+  const Eigen::Matrix3d rotation = camera_from_base.rotation.toRotationMatrix();
+  SeenLandmarks seen{MeasurementsOf(base_.snapshot, grid.features(), rig_, matches),
+                     std::vector<Eigen::Vector3d>(matches.size(), Eigen::Vector3d::Zero())};
+  for (size_t i = 0; i < matches.size(); ++i) {
+    const SnapshotLandmark& landmark = base_.snapshot.landmarks[matches[i].landmark_idx];
+    const Eigen::Vector3d p = camera_from_base * landmark.position_in_map;
+    if (p.z() <= 0) continue;
+    const double seen_from_m = landmark.min_distance_m;
+    const double across_m = noise.pixel_px * seen_from_m / rig_.camera.fx;
+    const double along_m_per_px = seen_from_m * seen_from_m / (rig_.camera.fx * rig_.baseline_m);
+    const Eigen::Matrix3d jacobian = StereoProjectionJacobian(rig_, p);
+    const Eigen::Vector3d along =
+        jacobian * (rotation * landmark.direction_to_viewers.cast<double>()) * along_m_per_px;
+    seen.common_shift_px[i] = options_.common_disparity_px * along;
+    seen.measurements[i].landmark_sigma_px =
+        ((noise.disparity_px * along).array().square() +
+         jacobian.rowwise().squaredNorm().array() * (across_m * across_m))
+            .sqrt();
+  }
+  return seen;
+}
+
+PoseEstimate BaseTracker::MatchAndRefine(const FeatureGrid& grid, const UncertainPose& predicted,
+                                         const Rigid3& camera_from_base, double position_radius_m,
+                                         double radius_px, Observation& observation) {
+  const std::vector<LandmarkMatch> matches = MatchByProjection(
+      base_.snapshot, LandmarksNear(camera_from_base.Inverse()), grid, rig_, camera_from_base,
+      {.radius_px = radius_px, .position_radius_m = position_radius_m});
+  observation = {See(grid, camera_from_base, matches), matches};
+  return RefinePose(rig_, options_.window.noise, observation.seen.measurements, camera_from_base,
+                    kInitialErrorPx,
+                    PosePrior{predicted.camera_from_base, predicted.covariance.inverse()});
+}
+
+std::optional<BaseTracker::Observation> BaseTracker::Observe(const FeatureGrid& grid,
+                                                             const UncertainPose& predicted) {
+  const double position_radius_m = options_.search_sigmas * SigmaM(predicted.covariance);
+  const double radius_px = options_.min_radius_px +
+                           options_.search_sigmas * rig_.camera.fx * SigmaRad(predicted.covariance);
+  Observation seen;
+  PoseEstimate estimate = MatchAndRefine(grid, predicted, predicted.camera_from_base,
+                                         position_radius_m, radius_px, seen);
+  const Vector6d moved = PoseDifference(predicted.camera_from_base, estimate.camera_from_map);
+  if (moved.head<3>().norm() > kSettledM || moved.tail<3>().norm() > kSettledRad) {
+    estimate =
+        MatchAndRefine(grid, predicted, estimate.camera_from_map, 0, options_.min_radius_px, seen);
+  }
+  const auto inliers = static_cast<size_t>(estimate.inlier_count);
+  const Vector6d deviation = PoseDifference(predicted.camera_from_base, estimate.camera_from_map);
+  if (inliers < options_.min_inliers ||
+      static_cast<double>(inliers) <
+          options_.min_inlier_share * static_cast<double>(seen.inliers.size()) ||
+      deviation.dot(predicted.covariance.ldlt().solve(deviation)) > options_.max_square_deviation) {
+    return std::nullopt;
+  }
+  Observation agreeing;
+  agreeing.seen.inlier_share =
+      static_cast<double>(inliers) / static_cast<double>(seen.inliers.size());
+  for (size_t i = 0; i < seen.inliers.size(); ++i) {
+    if (!estimate.is_inlier[i]) continue;
+    agreeing.inliers.push_back(seen.inliers[i]);
+    agreeing.seen.measurements.push_back(seen.seen.measurements[i]);
+    agreeing.seen.common_shift_px.push_back(seen.seen.common_shift_px[i]);
+  }
+  return agreeing;
+}
+
+void BaseTracker::FollowHypotheses(const FeatureGrid& grid, const Step& step) {
+  std::vector<Hypothesis> followed;
+  for (Hypothesis& hypothesis : hypotheses_) {
+    hypothesis.pose = AfterMotion(hypothesis.pose, step.motion, step.covariance);
+    const auto found = TrackAround(base_, grid, rig_, hypothesis.pose.camera_from_base,
+                                   options_.search.tracking, options_.neighbourhood);
+    if (!found && !hypothesis.is_seen) continue;  // twice in a row
+    hypothesis.is_seen = found.has_value();
+    hypothesis.inliers.clear();
+    if (found) {
+      hypothesis.pose = FoundPose(found->camera_from_map, found->covariance);
+      hypothesis.inliers = found->inliers;
+      hypothesis.total_inliers += found->inliers.size();
+      ++hypothesis.frames;
+    }
+    followed.push_back(std::move(hypothesis));
+  }
+  hypotheses_ = std::move(followed);
+}
+
+void BaseTracker::SearchPlaces(const FeatureGrid& grid, const std::optional<GpsFix>& gps) {
+  for (PlaceHypothesis& place : search_.Search(grid, rig_, gps)) {
+    const Eigen::Vector3d center = place.camera_from_map.Inverse().translation;
+    const bool is_followed =
+        std::any_of(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& known) {
+          return (known.pose.camera_from_base.Inverse().translation - center).norm() <
+                 options_.same_place_m;
+        });
+    if (is_followed || hypotheses_.size() == options_.max_hypotheses) continue;
+    const size_t inliers = place.inliers.size();
+    hypotheses_.push_back({FoundPose(place.camera_from_map, place.covariance),
+                           std::move(place.inliers), inliers, /*frames=*/1, /*is_seen=*/true});
+  }
+}
+
+/// The hypothesis that frames enough agree with, or one frame beyond doubt, if no other comes near.
+const BaseTracker::Hypothesis* BaseTracker::BelievedHypothesis() const {
+  const auto best = std::max_element(
+      hypotheses_.begin(), hypotheses_.end(),
+      [](const Hypothesis& a, const Hypothesis& b) { return a.total_inliers < b.total_inliers; });
+  if (best == hypotheses_.end() || !best->is_seen) return nullptr;
+  const bool is_sure = best->inliers.size() >= options_.sure_place_inliers ||
+                       (best->frames >= options_.min_place_frames &&
+                        best->total_inliers >= options_.total_place_inliers);
+  const bool has_rival =
+      std::any_of(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& other) {
+        return &other != &*best &&
+               static_cast<double>(other.total_inliers) >
+                   options_.max_rival_share * static_cast<double>(best->total_inliers);
+      });
+  return is_sure && !has_rival ? &*best : nullptr;
+}
+
+void BaseTracker::Start(const Hypothesis& hypothesis) {
+  window_.emplace(rig_, options_.window, hypothesis.pose);
+  dead_reckoned_m_ = 0;
+  hypotheses_.clear();
+}
+
+/// `step` leads from the window's newest frame to the present one.
+VehiclePose BaseTracker::Report(const Step& step, Observation seen) {
+  VehiclePose result;
+  if (!window_) return result;
+  result.pose = AfterMotion(window_->newest(), step.motion, step.covariance);
+  result.inliers = std::move(seen.inliers);
+  result.known_by = result.inliers.empty() ? KnownBy::kDeadReckoning : KnownBy::kMap;
+  result.dead_reckoned_m = dead_reckoned_m_ + step.motion.translation.norm();
+  if (SigmaM(result.pose->covariance) > options_.max_sigma_m) result = VehiclePose();
+  return result;
+}
+
+}  // namespace carmap

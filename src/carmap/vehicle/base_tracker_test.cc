@@ -1,0 +1,198 @@
+#include "carmap/vehicle/base_tracker.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <utility>
+
+#include "carmap/feature/default_vocabulary.h"
+#include "carmap/map/test_street.h"
+
+namespace carmap {
+namespace {
+
+constexpr double kStreetLengthM = 160;
+const Rigid3 kMapFromWorld{RotationExp({0.1, -0.7, 0.05}), {3, -1, 20}};
+const StreetNoise kNoise{.pixel_px = 0.4, .descriptor_bits = 12};
+
+/// A vehicle in a map: what it sees, and its own odometry, good to a centimetre a frame.
+class TestVehicle {
+ public:
+  TestVehicle(const ReconstructedMap& map, const StereoRig& rig)
+      : rig_(rig),
+        tracker_(map, rig, {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()}) {}
+
+  VehiclePose Drive(const Street& street, const Rigid3& world_from_camera,
+                    const StreetNoise& noise = kNoise) {
+    return Take(world_from_camera, SeeStreet(street, rig_, world_from_camera, noise, ++frames_),
+                /*tracks_itself=*/true);
+  }
+  /// Its images show nothing.
+  VehiclePose DriveBlind(const Rigid3& world_from_camera) {
+    return Take(world_from_camera, {}, /*tracks_itself=*/false);
+  }
+
+ private:
+  VehiclePose Take(const Rigid3& world_from_camera, std::vector<Feature> features,
+                   bool tracks_itself) {
+    time_s_ += 0.1;
+    ExtractedFrame frame{.timestamp = Timestamp::FromSeconds(time_s_)};
+    frame.features = std::make_shared<const std::vector<Feature>>(std::move(features));
+    TrackedFrame own;
+    if (tracks_itself) {
+      own.reference = KeyframeId{};
+      if (last_tracked_) {
+        Vector6d error;
+        for (int i = 0; i < 3; ++i) error[i] = random_.Normal(0.004);
+        for (int i = 3; i < 6; ++i) error[i] = random_.Normal(0.0004);
+        own.camera_from_previous =
+            Perturb(world_from_camera.Inverse() * last_tracked_->second, error);
+        own.since_previous_s = time_s_ - last_tracked_->first;
+      }
+      last_tracked_ = {time_s_, world_from_camera};
+    }
+    return tracker_.Take(frame, own);
+  }
+
+  const StereoRig rig_;
+  BaseTracker tracker_;
+  StreetRandom random_{9};
+  uint64_t frames_ = 0;
+  double time_s_ = 0;
+  std::optional<std::pair<double, Rigid3>> last_tracked_;
+};
+
+double PositionError(const VehiclePose& pose, const Rigid3& world_from_camera) {
+  return (pose.pose->camera_from_base.Inverse().translation -
+          (kMapFromWorld * world_from_camera).translation)
+      .norm();
+}
+
+class BaseTrackerTest : public ::testing::Test {
+ protected:
+  BaseTrackerTest()
+      : street_(MakeStreet(3, kStreetLengthM)),
+        lean_(MapStreet(street_, {5}, kStreetRig, DriveAlong(0, 0, 110), kMapFromWorld, kNoise)),
+        map_(Reconstruct(lean_)) {}
+
+  const Street street_;
+  const LeanMap lean_;
+  const ReconstructedMap map_;
+};
+
+TEST_F(BaseTrackerTest, KnowsADriveInTheNextLaneByTheMap) {
+  TestVehicle vehicle(map_, kStreetRig);
+  int n = 0, within = 0;
+  for (const Rigid3& world_from_camera : DriveAlong(3, 3, 100, 1.1)) {
+    const VehiclePose pose = vehicle.Drive(street_, world_from_camera);
+    ASSERT_EQ(pose.known_by, KnownBy::kMap) << n;
+    EXPECT_LT(PositionError(pose, world_from_camera), 0.1) << n;
+    EXPECT_EQ(pose.dead_reckoned_m, 0);
+    const Vector6d error =
+        PoseDifference(pose.pose->camera_from_base, (kMapFromWorld * world_from_camera).Inverse());
+    within += error.dot(pose.pose->covariance.ldlt().solve(error)) < 12.6;
+    ++n;
+  }
+  EXPECT_GT(within, 0.85 * n);
+}
+
+TEST_F(BaseTrackerTest, DeadReckonsWhereNothingOfTheMapIsSeen) {
+  TestVehicle vehicle(map_, kStreetRig);
+  const Street rebuilt = MakeStreet(77, kStreetLengthM);
+  double sigma_m = 0;
+  for (const Rigid3& world_from_camera : DriveAlong(0, 3, 100, 1)) {
+    const double z_m = world_from_camera.translation.z();
+    const bool is_rebuilt = z_m > 30 && z_m < 48;
+    const VehiclePose pose = vehicle.Drive(is_rebuilt ? rebuilt : street_, world_from_camera);
+    ASSERT_EQ(pose.known_by, is_rebuilt ? KnownBy::kDeadReckoning : KnownBy::kMap) << z_m;
+    EXPECT_LT(PositionError(pose, world_from_camera), is_rebuilt ? 0.3 : 0.1) << z_m;
+    if (!is_rebuilt) continue;
+    EXPECT_NEAR(pose.dead_reckoned_m, z_m - 30, 1.1);
+    const double now_m = std::sqrt(pose.pose->covariance(0, 0));
+    EXPECT_GT(now_m, sigma_m) << z_m;
+    sigma_m = now_m;
+  }
+}
+
+TEST_F(BaseTrackerTest, KeepsItsSpeedThroughBlackFramesAndThenKnows) {
+  TestVehicle vehicle(map_, kStreetRig);
+  const auto poses = DriveAlong(0, 2, 100, 1);
+  for (size_t n = 0; n < poses.size(); ++n) {
+    const bool is_black = n >= 30 && n < 36;
+    const VehiclePose pose =
+        is_black ? vehicle.DriveBlind(poses[n]) : vehicle.Drive(street_, poses[n]);
+    ASSERT_EQ(pose.known_by, is_black ? KnownBy::kDeadReckoning : KnownBy::kMap) << n;
+    EXPECT_LT(PositionError(pose, poses[n]), is_black ? 1.0 : 0.1) << n;
+  }
+}
+
+TEST_F(BaseTrackerTest, IsLostAfterALongTimeInTheDark) {
+  TestVehicle vehicle(map_, kStreetRig);
+  for (const Rigid3& pose : DriveAlong(0, 2, 20, 1)) vehicle.Drive(street_, pose);
+  VehiclePose pose;
+  for (int n = 0; n < 100; ++n) pose = vehicle.DriveBlind(Rigid3());
+  EXPECT_EQ(pose.known_by, KnownBy::kLost);
+  EXPECT_FALSE(pose.pose);
+  // ... and finds itself again anywhere.
+  for (const Rigid3& seen : DriveAlong(0, 60, 66, 1)) pose = vehicle.Drive(street_, seen);
+  EXPECT_EQ(pose.known_by, KnownBy::kMap);
+  EXPECT_LT(PositionError(pose, DriveAlong(0, 60, 66, 1).back()), 0.1);
+}
+
+TEST_F(BaseTrackerTest, KnowsNothingInAnotherStreet) {
+  TestVehicle vehicle(map_, kStreetRig);
+  const Street other = MakeStreet(99, kStreetLengthM);
+  for (const Rigid3& world_from_camera : DriveAlong(0, 2, 60, 1)) {
+    EXPECT_EQ(vehicle.Drive(other, world_from_camera).known_by, KnownBy::kLost);
+  }
+}
+
+/// The street's first 50 m, and the same façades again from 60 m on.
+Street WithARepeatedBlock(const Street& street) {
+  Street repeated;
+  for (const Street::Corner& corner : street.corners) {
+    if (corner.p_in_world.z() > 50) continue;
+    repeated.corners.push_back(corner);
+    repeated.corners.push_back(corner);
+    repeated.corners.back().p_in_world.z() += 60;
+  }
+  return repeated;
+}
+
+TEST_F(BaseTrackerTest, DoesNotChooseBetweenFacadesThatRepeat) {
+  const Street repeated = WithARepeatedBlock(street_);
+  const ReconstructedMap map = Reconstruct(
+      MapStreet(repeated, {5}, kStreetRig, DriveAlong(0, 0, 100), kMapFromWorld, kNoise));
+  TestVehicle vehicle(map, kStreetRig);
+  for (const Rigid3& world_from_camera : DriveAlong(0, 64, 80, 1)) {
+    const VehiclePose pose = vehicle.Drive(repeated, world_from_camera);
+    if (pose.pose) {
+      EXPECT_LT(PositionError(pose, world_from_camera), 1);
+    }
+  }
+}
+
+TEST_F(BaseTrackerTest, LocalizesACameraOfAnotherFocalLength) {
+  StereoRig rig = kStreetRig;
+  rig.camera.fx *= 1.6;
+  rig.camera.fy *= 1.6;
+  const ReconstructedMap map = Reconstruct(lean_, rig.camera.fx);
+  TestVehicle vehicle(map, rig);
+  for (const Rigid3& world_from_camera : DriveAlong(0, 10, 90, 1)) {
+    const VehiclePose pose = vehicle.Drive(street_, world_from_camera);
+    ASSERT_EQ(pose.known_by, KnownBy::kMap);
+    EXPECT_LT(PositionError(pose, world_from_camera), 0.1);
+  }
+}
+
+TEST_F(BaseTrackerTest, TakesEmptyMapsAndFrames) {
+  const ReconstructedMap nothing = Reconstruct(LeanMap());
+  TestVehicle lost(nothing, kStreetRig);
+  EXPECT_EQ(lost.Drive(street_, Rigid3()).known_by, KnownBy::kLost);
+  EXPECT_EQ(lost.DriveBlind(Rigid3()).known_by, KnownBy::kLost);
+  TestVehicle blind(map_, kStreetRig);
+  EXPECT_EQ(blind.DriveBlind(Rigid3()).known_by, KnownBy::kLost);
+}
+
+}  // namespace
+}  // namespace carmap

@@ -1,0 +1,184 @@
+#include "carmap/vehicle/window_estimator.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+namespace carmap {
+namespace {
+
+/// Square of the robust loss's width, in the chi-square bounds.
+constexpr double kSquareWidth = 4;
+
+}  // namespace
+
+Matrix6d MotionCovariance(const Rigid3& camera_from_previous, const MotionNoise& noise) {
+  const double distance_m = camera_from_previous.translation.norm();
+  const double sigma_m = std::hypot(noise.step_m, noise.drift_ratio * distance_m);
+  const double sigma_rad = std::hypot(noise.step_rad, noise.drift_rad_per_m * distance_m);
+  Matrix6d covariance = Matrix6d::Zero();
+  covariance.diagonal().head<3>().setConstant(sigma_m * sigma_m);
+  covariance.diagonal().tail<3>().setConstant(sigma_rad * sigma_rad);
+  return covariance;
+}
+
+UncertainPose AfterMotion(const UncertainPose& before, const Rigid3& camera_from_previous,
+                          const Matrix6d& motion_covariance) {
+  const Matrix6d adjoint = AdjointOf(camera_from_previous);
+  return {camera_from_previous * before.camera_from_base,
+          adjoint * before.covariance * adjoint.transpose() + motion_covariance};
+}
+
+WindowEstimator::WindowEstimator(const StereoRig& rig, const WindowEstimatorOptions& options,
+                                 const UncertainPose& start)
+    : rig_(rig), options_(options), newest_(start) {
+  prior_ = {start.camera_from_base, start.covariance.inverse()};
+  frames_.push_back({.camera_from_base = start.camera_from_base});
+}
+
+void WindowEstimator::Add(const Rigid3& camera_from_previous, const Matrix6d& motion_covariance,
+                          SeenLandmarks seen) {
+  Frame frame{.camera_from_previous = camera_from_previous,
+              .motion_covariance = motion_covariance,
+              .seen = std::move(seen)};
+  if (!IsKeyframe(frames_.back())) {
+    const Matrix6d adjoint = AdjointOf(camera_from_previous);
+    frame.camera_from_previous = camera_from_previous * frames_.back().camera_from_previous;
+    frame.motion_covariance += adjoint * frames_.back().motion_covariance * adjoint.transpose();
+    DropNewest();
+  }
+  for (const PoseMeasurement& m : frame.seen.measurements) {
+    frame.whitened.push_back(Whiten(options_.noise, m));
+  }
+  frame.camera_from_base = frame.camera_from_previous * frames_.back().camera_from_base;
+  frames_.push_back(std::move(frame));
+  if (frames_.size() > options_.keyframes + 1) MarginalizeOldest();
+  Solve();
+}
+
+/// Of frames side by side only the newest stays: a standing vehicle does not fill its window.
+bool WindowEstimator::IsKeyframe(const Frame& frame) const {
+  return frames_.size() == 1 ||
+         frame.camera_from_previous.translation.norm() >= options_.keyframe_distance_m ||
+         RotationAngle(frame.camera_from_previous.rotation) >= options_.keyframe_turn_rad;
+}
+
+void WindowEstimator::DropNewest() { frames_.pop_back(); }
+
+/// Calls `visit(idx, p_in_camera, error, weight)` for each landmark in front of the frame.
+template <typename Visit>
+void WindowEstimator::VisitMeasurements(const Frame& frame, Visit&& visit) const {
+  const Eigen::Matrix3d rotation = frame.camera_from_base.rotation.toRotationMatrix();
+  const double observation_weight =
+      options_.observation_weight * frame.seen.inlier_share * frame.seen.inlier_share;
+  Eigen::Vector3d error;
+  for (size_t i = 0; i < frame.whitened.size(); ++i) {
+    const WhitenedMeasurement& m = frame.whitened[i];
+    const Eigen::Vector3d p =
+        rotation * frame.seen.measurements[i].position_in_map + frame.camera_from_base.translation;
+    if (!WhitenedError(rig_, m, p, error)) continue;
+    const double weight =
+        observation_weight *
+        GemanMcClureWeight(error.squaredNorm(), kSquareWidth * m.chi_square_bound);
+    visit(i, p, error, weight);
+  }
+}
+
+/// How far the frame's pose goes along when all its landmarks move by their common shift.
+Vector6d WindowEstimator::CommonShift(const Frame& frame) const {
+  constexpr size_t kMinLandmarks = 10;
+  if (frame.whitened.size() < kMinLandmarks) return common_shift_;
+  PoseNormal normal;
+  VisitMeasurements(
+      frame, [&](size_t i, const Eigen::Vector3d& p, const Eigen::Vector3d&, double weight) {
+        const WhitenedMeasurement& m = frame.whitened[i];
+        const Eigen::Vector3d shift = frame.seen.common_shift_px[i].cwiseProduct(m.inverse_sigma);
+        normal.Add(MakePointTerm(rig_, m, p, shift, weight), p);
+      });
+  const Matrix6d hessian = normal.hessian.selfadjointView<Eigen::Lower>();
+  const Vector6d shift = hessian.ldlt().solve(normal.gradient);
+  return shift.allFinite() ? shift : common_shift_;
+}
+
+void WindowEstimator::AddMotion(size_t idx, Normal& normal) const {
+  const Frame& before = frames_[idx - 1];
+  const Frame& frame = frames_[idx];
+  const Matrix6d information = frame.motion_covariance.inverse();
+  const Vector6d error =
+      PoseDifference(frame.camera_from_previous * before.camera_from_base, frame.camera_from_base);
+  const Matrix6d jacobian = -AdjointOf(frame.camera_from_previous);  // by the frame before
+  const auto at = static_cast<Eigen::Index>(6 * idx);
+  normal.hessian.block<6, 6>(at, at) += information;
+  normal.hessian.block<6, 6>(at, at - 6) += information * jacobian;
+  normal.hessian.block<6, 6>(at - 6, at) += jacobian.transpose() * information;
+  normal.hessian.block<6, 6>(at - 6, at - 6) += jacobian.transpose() * information * jacobian;
+  normal.gradient.segment<6>(at) += information * error;
+  normal.gradient.segment<6>(at - 6) += jacobian.transpose() * information * error;
+}
+
+void WindowEstimator::AddPrior(Normal& normal) const {
+  const Vector6d moved = PoseDifference(prior_.camera_from_base, frames_.front().camera_from_base);
+  normal.hessian.topLeftCorner<6, 6>() += prior_.information;
+  normal.gradient.head<6>() += prior_.gradient + prior_.information * moved;
+}
+
+/// Of the window's first frames.
+WindowEstimator::Normal WindowEstimator::Linearize(size_t frames) const {
+  const auto size = static_cast<Eigen::Index>(6 * frames);
+  Normal normal{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
+  AddPrior(normal);
+  for (size_t i = 0; i < frames; ++i) {
+    PoseNormal measured;
+    VisitMeasurements(frames_[i], [&](size_t k, const Eigen::Vector3d& p,
+                                      const Eigen::Vector3d& error, double weight) {
+      measured.Add(MakePointTerm(rig_, frames_[i].whitened[k], p, error, weight), p);
+    });
+    const auto at = static_cast<Eigen::Index>(6 * i);
+    const Matrix6d hessian = measured.hessian.selfadjointView<Eigen::Lower>();
+    normal.hessian.block<6, 6>(at, at) += hessian;
+    normal.gradient.segment<6>(at) += measured.gradient;
+    if (i > 0) AddMotion(i, normal);
+  }
+  return normal;
+}
+
+void WindowEstimator::MarginalizeOldest() {
+  // The oldest frame's measurements and its motion to the next.
+  Normal normal = Linearize(1);
+  normal.hessian.conservativeResizeLike(Eigen::MatrixXd::Zero(12, 12));
+  normal.gradient.conservativeResizeLike(Eigen::VectorXd::Zero(12));
+  AddMotion(1, normal);
+  const Eigen::LDLT<Matrix6d> oldest(normal.hessian.topLeftCorner<6, 6>());
+  const Matrix6d coupling = normal.hessian.bottomLeftCorner<6, 6>();
+  prior_.camera_from_base = frames_[1].camera_from_base;
+  prior_.information =
+      normal.hessian.bottomRightCorner<6, 6>() - coupling * oldest.solve(coupling.transpose());
+  prior_.gradient = normal.gradient.tail<6>() - coupling * oldest.solve(normal.gradient.head<6>());
+  frames_.pop_front();
+}
+
+void WindowEstimator::Solve() {
+  const size_t last = frames_.size() - 1;
+  for (int i = 0;; ++i) {
+    const Normal normal = Linearize(frames_.size());
+    const Eigen::LDLT<Eigen::MatrixXd> factors(normal.hessian);
+    if (i == options_.iterations) {
+      Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(normal.gradient.size(), 6);
+      unit.bottomRows<6>().setIdentity();
+      const Eigen::MatrixXd columns = factors.solve(unit);
+      common_shift_ = CommonShift(frames_[last]);
+      newest_ = {frames_[last].camera_from_base,
+                 columns.bottomRows<6>() + common_shift_ * common_shift_.transpose()};
+      return;
+    }
+    const Eigen::VectorXd step = factors.solve(-normal.gradient);
+    for (size_t k = 0; k < frames_.size(); ++k) {
+      frames_[k].camera_from_base =
+          Perturb(frames_[k].camera_from_base, step.segment<6>(static_cast<Eigen::Index>(6 * k)));
+    }
+    if (step.norm() < 1e-6) i = options_.iterations - 1;
+  }
+}
+
+}  // namespace carmap
