@@ -4,13 +4,13 @@ FUZZ_SECONDS ?= 60
 export CMAKE_BUILD_PARALLEL_LEVEL := $(JOBS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test bench evaluate evaluate-slam vocabulary lint format asan tsan \
-  fuzz clean
+.PHONY: help setup build demo test bench evaluate evaluate-localization evaluate-slam vocabulary \
+  lint format asan tsan fuzz clean
 
 help:  ## list these commands
 	@echo 'make COMMAND [JOBS=N]      (N processes at once; default: one a core)'
 	@echo
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 22
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 30
 	@echo
 	@echo 'On a bare Debian 12: `make demo` or `make test`; each does all of the set-up itself.'
 	@echo 'Real drives are looked for in $$CARMAP_DATA, or else in ../shared/data.'
@@ -33,6 +33,9 @@ bench: setup  ## time what is hot, as ratios to a yardstick
 
 evaluate: build  ## errors and sizes on every real drive that is present
 	@scripts/evaluate.sh
+
+evaluate-localization: build  ## localization by traffic, lane and light, simulated [ALL=1]
+	@scripts/evaluate_localization.sh
 
 evaluate-slam: build  ## loops and errors of drives simulated along KITTI paths [PATHS="07 06"]
 	@scripts/evaluate_slam.sh $(PATHS)

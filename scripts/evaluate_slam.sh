@@ -7,7 +7,7 @@
 #   scripts/evaluate_slam.sh [PATH...]     paths by their numbers, `rounds` and `replay`;
 #                                          default: rounds replay 07 06 05 00
 #
-# SIZE=WxH is the images' size. Drives are kept in build/slam_drives; an interrupted run goes on
+# SIZE=WxH is the images' size. Drives are kept in $CARMAP_DRIVES, or else in build/drives, for all evaluations; an interrupted run goes on
 # where it stopped. Remove them after the simulator changed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -17,7 +17,7 @@ source scripts/report.sh
 carmap=build/release/bin/carmap
 poses="${CARMAP_DATA:-../shared/data}/kitti_poses/poses"
 size="${SIZE:-620x188}"
-drives=build/slam_drives
+drives="${CARMAP_DRIVES:-build/drives}"
 out=build/evaluate_slam
 table=build/evaluate_slam.md
 # A loop is false if its two keyframes are farther apart than this.
@@ -150,7 +150,7 @@ evaluate_replay() {
 }
 
 evaluate_path() { # PATH
-  local path="$1" drive="$drives/$1_$size" name="$1_$size" scene=suburb times
+  local path="$1" drive="$drives/path$1-$size" name="$1_$size" scene=suburb times
   [[ "$path" != 05 ]] || scene=downtown
   simulate "$poses/$path.txt" "$drive" "$scene" --size "$size"
   link_without_gps "$drive" "$out/$name"

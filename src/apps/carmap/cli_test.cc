@@ -221,6 +221,13 @@ TEST_F(CliTest, StitchesAndLocalizesInTheResult) {
   EXPECT_EQ(report["localized_frames"], kFrames);
   EXPECT_LE(report["position_error_m"]["median"].get<double>(), 0.1);
   EXPECT_LE(report["rotation_error_deg"]["median"].get<double>(), 0.5);
+  EXPECT_EQ(report["map_bytes"], fs::file_size(work() / "road.cmap"));
+  const nlohmann::json& last = report["frames_detail"].back();
+  EXPECT_EQ(last["known_by"], "map");
+  EXPECT_LE(last["position_error_m"].get<double>(), 0.2);
+  EXPECT_LE(last["map_position_error_m"].get<double>(), 0.1);
+  EXPECT_GT(last["squared_mahalanobis"].get<double>(), 0);
+  EXPECT_GT(last["sigma_m"].get<double>(), 0);
   for (const char* key : {"read", "decode", "rebuild", "total"})
     EXPECT_GT(report["load_ms"][key], 0);
   EXPECT_GT(report["frame_ms"]["p95"], 0);
@@ -231,6 +238,82 @@ TEST_F(CliTest, StitchesAndLocalizesInTheResult) {
   EXPECT_LE(nlohmann::json::parse(evaluate.out)["ate_rmse_m"].get<double>(), 0.1);
   EXPECT_THAT(Run({"evaluate", "trajectory", "t.txt", "../drive/poses.txt"}).out,
               HasSubstr("absolute error"));
+}
+
+TEST_F(CliTest, StitchesByAppearanceAlone) {
+  const Result stitch = Run({"stitch", "../base.cmap", "../segment.cmap", "--out", "road.cmap",
+                             "--matching", "appearance", "--report", "stitch.json"});
+  ASSERT_EQ(stitch.exit_code, 0) << stitch.err;
+  EXPECT_GT(ReadJson("stitch.json")["inliers"], 50);
+  ExpectRefused(
+      {"stitch", "../base.cmap", "../segment.cmap", "--out", "x.cmap", "--matching", "luck"},
+      "--matching", 2);
+}
+
+TEST_F(CliTest, FindsFramesByAppearanceAndEvaluatesThem) {
+  ASSERT_EQ(Run({"map", "../drive", "--out", "m.cmap", "--full-map", "m.cfull"}).exit_code, 0);
+  EXPECT_GT(fs::file_size(work() / "m.cfull"), 5 * fs::file_size(work() / "m.cmap"));
+  const std::string cell = "suburb-s1-320x160-map_none-to-lane0-none-sunny";
+  const auto find = [&](const std::string& map, const std::string& method) {
+    return std::vector<std::string>{"evaluate", "appearance", "../drive",
+                                    "--map",    map,          "--map-truth",
+                                    "../drive", "--report",   cell + "-by_" + method + ".json"};
+  };
+  auto trace = find("m.cfull", "quicksketch");
+  trace.insert(trace.end(), {"--trace", "m.cfull"});
+  for (const auto& arguments : {find("m.cmap", "lean"), find("m.cfull", "appearance"), trace}) {
+    const Result found = Run(arguments);
+    ASSERT_EQ(found.exit_code, 0) << found.err;
+    EXPECT_THAT(found.out, HasSubstr("found         "));
+  }
+  const Result evaluate =
+      Run({"evaluate", "localization", cell + "-by_lean.json", cell + "-by_appearance.json",
+           cell + "-by_quicksketch.json", "--out", ".", "--json"});
+  ASSERT_EQ(evaluate.exit_code, 0) << evaluate.err;
+  const auto groups = nlohmann::json::parse(evaluate.out);
+  ASSERT_EQ(groups.size(), 3u);
+  const auto& in_full_map = groups[0];
+  EXPECT_EQ(in_full_map["method"], "appearance");
+  EXPECT_EQ(in_full_map["all"]["frames"], kFrames - 10) << "without the first second";
+  EXPECT_EQ(in_full_map["all"]["map_bytes"], fs::file_size(work() / "m.cfull"));
+  EXPECT_GE(in_full_map["all"]["well_known"]["value"].get<double>(), 0.9);
+  EXPECT_LE(in_full_map["all"]["median_map_error_m"]["value"].get<double>(), 0.05);
+  EXPECT_GE(cv::imread((work() / "errors_320x160.png").string()).cols, 500);
+  EXPECT_GE(cv::imread((work() / "cells_320x160.png").string()).cols, 500);
+  EXPECT_THAT(Run({"evaluate", "localization", cell + "-by_lean.json"}).out,
+              HasSubstr("| suburb, map none, drive none, lane 0, sunny | 1 | 6 |"));
+}
+
+TEST_F(CliTest, MeasuresWhatIsMatchedOfTheLandmarksInSight) {
+  const Result matching = Run({"evaluate", "matching", "../drive", "--map", "../base.cmap",
+                               "--map-truth", "../drive", "--json"});
+  ASSERT_EQ(matching.exit_code, 0) << matching.err;
+  const auto ratios = nlohmann::json::parse(matching.out);
+  EXPECT_EQ(ratios["frames"], kFrames);
+  EXPECT_GT(ratios["landmarks_in_sight"], 20);
+  EXPECT_GT(ratios["matched_by_position"], 0.3);
+  EXPECT_GT(ratios["matched_by_position"], ratios["matched_by_appearance"]);
+}
+
+TEST_F(CliTest, RefusesReportsAndMapsThatItCannotEvaluate) {
+  const std::string name = "suburb-s1-320x160-map_none-to-lane0-none-sunny.json";
+  Write(work() / name, "{}");
+  Write(work() / "r.json", "{}");
+  ExpectRefused({"evaluate", "localization", name}, name);
+  ExpectRefused({"evaluate", "localization", "r.json"}, "r.json");
+  ExpectRefused({"evaluate", "localization", "none.json"}, "none.json");
+  ExpectRefused({"evaluate", "localization", name, "--out", "nowhere"}, "nowhere");
+  Write(work() / "m.cfull", "no map");
+  for (const char* command : {"appearance", "matching"}) {
+    ExpectRefused({"evaluate", command, "../drive", "--map", "m.cfull", "--map-truth", "../drive"},
+                  "m.cfull");
+    ExpectRefused(
+        {"evaluate", command, "../drive", "--map", "../base.cmap", "--map-truth", "nowhere"},
+        "nowhere");
+  }
+  ExpectRefused({"evaluate", "appearance", "../drive", "--map", "../base.cmap", "--map-truth",
+                 "../drive", "--trace", "m.cfull"},
+                "m.cfull");
 }
 
 TEST_F(CliTest, LocalizesAPartOfADrive) {
@@ -253,7 +336,7 @@ TEST_F(CliTest, MayReplaceTheBaseMapByTheStitchedOne) {
 TEST_F(CliTest, SaysWhatAMapHolds) {
   const Result table = Run({"info", "../base.cmap"});
   EXPECT_EQ(table.exit_code, 0);
-  EXPECT_THAT(table.out, AllOf(HasSubstr("landmarks"), HasSubstr("320x160 px")));
+  EXPECT_THAT(table.out, AllOf(HasSubstr("landmarks"), HasSubstr("features at 640x320 px")));
   const Result json = Run({"info", "../base.cmap", "--json"});
   ASSERT_EQ(json.exit_code, 0);
   const nlohmann::json info = nlohmann::json::parse(json.out);
@@ -499,8 +582,13 @@ TEST_F(BadDrive, OfWhichNoFrameCanBeTracked) {
 
 TEST_F(BadDrive, OfAnotherRoad) {
   CopyTestDrive(2, 8, root_ / "damaged");
-  ExpectRefused({"localize", "../damaged", "--map", "../base.cmap", "--report", "r.json"},
+  ExpectRefused({"localize", "../damaged", "--map", "../base.cmap", "--trajectory", "t.txt"},
                 "no frame of 8 was found in ../base.cmap");
+  // That no frame was found is a result too.
+  EXPECT_EQ(
+      Run({"localize", "../damaged", "--map", "../base.cmap", "--report", "r.json"}).exit_code, 1);
+  EXPECT_EQ(ReadJson("r.json")["known_by"]["lost"], 8);
+  EXPECT_EQ(ReadJson("r.json")["frames_detail"].size(), 8u);
   ASSERT_EQ(Run({"map", "../damaged", "--out", "other.cmap"}).exit_code, 0);
   ExpectRefused({"stitch", "../base.cmap", "other.cmap", "--out", "road.cmap"},
                 "other.cmap: the segment does not overlap");
@@ -532,7 +620,10 @@ class LostFrameTest : public CliTest {
         Run({"localize", "../damaged", "--map", "m.cmap", "--report", "l.json"});
     EXPECT_EQ(localize.exit_code, 3);
     EXPECT_THAT(localize.problems(), is_told) << localize.err;
-    EXPECT_EQ(ReadJson("l.json")["localized_frames"], kFrames - 1);
+    const nlohmann::json localized = ReadJson("l.json");
+    EXPECT_EQ(localized["known_by"]["map"], kFrames - 1);
+    EXPECT_EQ(localized["known_by"]["dead_reckoning"], 1);
+    EXPECT_EQ(localized["frames_detail"][7]["known_by"], "dead_reckoning");
   }
 };
 

@@ -26,6 +26,9 @@ void AddEvaluateCommand(CLI::App& app, Command& chosen);
 void AddVocabularyCommand(CLI::App& app, Command& chosen);
 
 /// To `carmap evaluate`.
+void AddEvaluateAppearance(CLI::App& evaluate, Command& chosen);
+void AddEvaluateLocalization(CLI::App& evaluate, Command& chosen);
+void AddEvaluateMatching(CLI::App& evaluate, Command& chosen);
 void AddEvaluatePlaces(CLI::App& evaluate, Command& chosen);
 void AddEvaluateRealism(CLI::App& evaluate, Command& chosen);
 

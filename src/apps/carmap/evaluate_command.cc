@@ -54,6 +54,9 @@ Example:
 Exit codes: 0 done, 1 error, 2 wrong usage)");
   trajectory->callback(
       [arguments, &chosen] { chosen = [arguments] { return Evaluate(*arguments); }; });
+  AddEvaluateAppearance(*command, chosen);
+  AddEvaluateLocalization(*command, chosen);
+  AddEvaluateMatching(*command, chosen);
   AddEvaluatePlaces(*command, chosen);
   AddEvaluateRealism(*command, chosen);
   command->footer(R"(`carmap evaluate COMMAND --help` explains each.

@@ -43,11 +43,10 @@ bool IsFarFromLast(const Rigid3& pose, const std::vector<ViewedPlace>& places, d
 /// Keyframes by the truth's path, as a mapper would take them.
 absl::Status ViewPlaces(KittiDrive& drive, const Vocabulary& vocabulary, double spacing_m,
                         ViewedDrives& viewed) {
-  Progress progress("reading images", drive.frame_count());
+  Progress progress("reading images", drive.size());
   ReadAhead frames(drive, /*sequential=*/false);
-  for (size_t i = 0;; ++i) {
-    CARMAP_ASSIGN_OR_RETURN(const std::optional<StereoFrame> frame, frames.Next());
-    if (!frame) return absl::OkStatus();
+  for (size_t i = 0; const auto frame = frames.Next(); ++i) {
+    CARMAP_RETURN_IF_ERROR(frame->status);
     progress.Update(i + 1);
     const auto& pose = drive.truth()[i].world_from_camera;
     if (!pose || !IsFarFromLast(*pose, viewed.places, spacing_m)) continue;
@@ -57,6 +56,7 @@ absl::Status ViewPlaces(KittiDrive& drive, const Vocabulary& vocabulary, double 
     viewed.histogram_ms.push_back(watch.ElapsedMs());
     viewed.places.push_back({std::move(histogram), *pose});
   }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::vector<std::unique_ptr<KittiDrive>>> OpenWithTruth(

@@ -32,22 +32,22 @@ absl::Status TakeChain(const std::string& folder, const FrameChain& chain, Reali
                        size_t& done, Progress& progress) {
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(folder, {chain.first, chain.last}));
   meter.BeginChain();
-  while (true) {
-    CARMAP_ASSIGN_OR_RETURN(const auto frame, drive->Next());
-    if (!frame) return absl::OkStatus();
+  while (const auto frame = drive->Next()) {
+    CARMAP_RETURN_IF_ERROR(frame->status);
     meter.Take(frame->left, frame->right);
     progress.Update(++done);
   }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<DriveMeasures> MeasureDrive(const std::string& folder, size_t max_frames) {
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(folder));
-  if (drive->frame_count() < FeatureTracks::kMinChainFrames) {
+  if (drive->size() < FeatureTracks::kMinChainFrames) {
     return absl::InvalidArgumentError(
         fmt::format("{}: has {}, too few to follow features; give a drive of at least {}", folder,
-                    Count(drive->frame_count(), "frame"), FeatureTracks::kMinChainFrames));
+                    Count(drive->size(), "frame"), FeatureTracks::kMinChainFrames));
   }
-  const std::vector<FrameChain> chains = ChooseChains(drive->frame_count(), max_frames);
+  const std::vector<FrameChain> chains = ChooseChains(drive->size(), max_frames);
   Progress progress("measuring " + NameOf(folder),
                     chains.size() * (chains.front().last - chains.front().first + 1));
   RealismMeter meter(drive->rig());

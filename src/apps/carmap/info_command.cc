@@ -111,7 +111,7 @@ void PrintTable(const std::string& path, const LeanMap& map, size_t bytes) {
   }
   for (const LeanDrive& drive : map.drives) {
     const PinholeCamera& camera = drive.rig.camera;
-    row("drive", fmt::format("{:016x}: {}, {}x{} px, fx {:.1f} px, baseline {:.3f} m",
+    row("drive", fmt::format("{:016x}: {}, features at {}x{} px, fx {:.1f} px, baseline {:.3f} m",
                              drive.id.value, Count(KeyframesOf(map, drive.id), "keyframe"),
                              camera.width, camera.height, camera.fx, drive.rig.baseline_m));
   }

@@ -19,6 +19,7 @@
 #include "carmap/dataset/camera_replay.h"
 #include "carmap/dataset/kitti_drive.h"
 #include "carmap/dataset/world_frame.h"
+#include "carmap/eval/full_map.h"
 #include "carmap/eval/georeferenced_error.h"
 #include "carmap/eval/map_composition.h"
 #include "carmap/eval/trajectory_metrics.h"
@@ -34,7 +35,7 @@ namespace carmap {
 namespace {
 
 struct Arguments {
-  std::string drive, out, vocabulary, trajectory, report, picture;
+  std::string drive, out, full_map, vocabulary, trajectory, report, picture;
   FrameRange range;
   std::optional<double> replay_hz;
   bool sequential = false, no_loops = false;
@@ -63,7 +64,7 @@ absl::StatusOr<MappedDrive> MapWithProgress(FrameSource& drive, DriveId id,
     CARMAP_ASSIGN_OR_RETURN(Vocabulary vocabulary, ReadVocabulary(arguments.vocabulary));
     options.vocabulary = std::make_shared<const Vocabulary>(std::move(vocabulary));
   }
-  Progress progress("mapping", drive.frame_count());
+  Progress progress("mapping", drive.frame_count().value_or(0));
   auto mapped = MapDrive(drive, id, options, [&](size_t frames, size_t keyframes) {
     progress.Update(frames, Count(keyframes, "keyframe"));
   });
@@ -258,12 +259,18 @@ absl::StatusOr<ExitCode> RunMap(const Arguments& arguments) {
   const Stopwatch watch;
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   if (!arguments.vocabulary.empty()) inputs.push_back(arguments.vocabulary);
-  CARMAP_RETURN_IF_ERROR(CheckOutputs(
-      {arguments.out, arguments.trajectory, arguments.report, arguments.picture}, inputs));
+  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out, arguments.full_map, arguments.trajectory,
+                                       arguments.report, arguments.picture},
+                                      inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive, arguments.range));
   CARMAP_ASSIGN_OR_RETURN(const Run run, MapAndWrite(*drive, arguments, watch));
-  const size_t frames = drive->frame_count();
+  const size_t frames = drive->size();
 
+  if (!arguments.full_map.empty()) {
+    CARMAP_RETURN_IF_ERROR(WriteFileAtomically(
+        arguments.full_map,
+        EncodeFullMap(FullMapOf(run.mapped.map, {drive->id(), run.mapped.rig}))));
+  }
   if (!arguments.trajectory.empty()) {
     CARMAP_RETURN_IF_ERROR(WriteTrajectory(arguments.trajectory, run.mapped.trajectory));
   }
@@ -319,6 +326,11 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
           "Recognize places by this vocabulary's words (default: the one that comes with the "
           "program)")
       ->type_name("V.cmvoc");
+  command
+      ->add_option("--full-map", arguments->full_map,
+                   "Write the map with all features of its keyframes too, for `carmap evaluate "
+                   "appearance`")
+      ->type_name("F.cfull");
   command
       ->add_option("--trajectory", arguments->trajectory,
                    "Write the pose of each frame in the map's frame, metres: TUM form if named "

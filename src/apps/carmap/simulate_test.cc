@@ -97,9 +97,9 @@ TEST_F(SimulateTest, WritesADriveThatIsReadLikeARealOne) {
   ASSERT_EQ((*drive)->truth().size(), kFrames);
   for (size_t i = 0; i < kFrames; ++i) {
     const auto frame = (*drive)->Next();
-    ASSERT_TRUE(frame.ok()) << frame.status();
-    EXPECT_TRUE((*frame)->gps) << i;
-    EXPECT_FALSE(HaveSamePixels((*frame)->left, (*frame)->right));
+    ASSERT_TRUE(frame->status.ok()) << frame->status;
+    EXPECT_TRUE(frame->gps) << i;
+    EXPECT_FALSE(HaveSamePixels(frame->left, frame->right));
   }
 }
 

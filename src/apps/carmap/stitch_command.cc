@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <CLI/App.hpp>
+#include <CLI/Validators.hpp>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -19,6 +20,7 @@ namespace {
 
 struct Arguments {
   std::string base, segment, out, report;
+  std::string matching = "position";
 };
 
 nlohmann::ordered_json SizeOf(const LeanMap& map, size_t bytes) {
@@ -57,7 +59,9 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
                           ReadFile(arguments.segment, kMaxLeanFileBytes));
   CARMAP_ASSIGN_OR_RETURN(const LeanMap segment, DecodeLeanMap(segment_bytes, arguments.segment));
 
-  const auto stitched = Stitch(base, segment);
+  StitchOptions options;
+  options.overlap.by_appearance = arguments.matching == "appearance";
+  const auto stitched = Stitch(base, segment, options);
   if (!stitched.ok()) return WithName(arguments.segment, stitched.status());
   const auto bytes = EncodeLeanMap(stitched->map);
   if (!bytes.ok()) return WithName(arguments.out, bytes.status());
@@ -99,6 +103,12 @@ void AddStitchCommand(CLI::App& app, Command& chosen) {
   command->add_option("--out", arguments->out, "The new map to write; may be BASE itself")
       ->required()
       ->type_name("NEW.cmap");
+  command
+      ->add_option("--matching", arguments->matching,
+                   "How the overlap is found: position (GPS, places, then signatures), or "
+                   "appearance, the baseline that it is compared with (position)")
+      ->check(CLI::IsMember({"position", "appearance"}))
+      ->type_name("M");
   command
       ->add_option("--report", arguments->report,
                    "Write overlap, transform (m, quaternion) and sizes (bytes) as JSON")

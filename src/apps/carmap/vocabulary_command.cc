@@ -48,13 +48,13 @@ std::vector<Descriptor> DescriptorsOf(const cv::Mat& image) {
 absl::Status AppendImages(KittiDrive& drive, size_t step,
                           std::vector<std::vector<Descriptor>>& images, Progress& progress) {
   ReadAhead frames(drive, /*sequential=*/false);
-  for (size_t i = 0;; ++i) {
-    CARMAP_ASSIGN_OR_RETURN(const std::optional<StereoFrame> frame, frames.Next());
-    if (!frame) return absl::OkStatus();
+  for (size_t i = 0; const auto frame = frames.Next(); ++i) {
+    CARMAP_RETURN_IF_ERROR(frame->status);
     if (i % step != 0) continue;
     images.push_back(DescriptorsOf(frame->left));
     progress.Update(images.size());
   }
+  return absl::OkStatus();
 }
 
 absl::StatusOr<std::vector<std::vector<Descriptor>>> ReadImages(const TrainArguments& arguments) {
@@ -62,7 +62,7 @@ absl::StatusOr<std::vector<std::vector<Descriptor>>> ReadImages(const TrainArgum
   size_t count = 0;
   for (const std::string& folder : arguments.drives) {
     CARMAP_ASSIGN_OR_RETURN(auto drive, KittiDrive::Open(folder));
-    count += (drive->frame_count() + arguments.step - 1) / arguments.step;
+    count += (drive->size() + arguments.step - 1) / arguments.step;
     drives.push_back(std::move(drive));
   }
   std::vector<std::vector<Descriptor>> images;

@@ -1,7 +1,5 @@
 #include "carmap/eval/localization_error.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -9,50 +7,21 @@
 #include <utility>
 #include <vector>
 
+#include "carmap/base/status_macros.h"
+#include "carmap/eval/map_truth.h"
 #include "carmap/solve/alignment.h"
 
 namespace carmap {
-namespace {
-
-constexpr int64_t kMaxTimeDifferenceNs = 20'000'000;
-constexpr size_t kMinKeyframes = 3;
-constexpr double kDegPerRad = 180 / M_PI;
-
-std::optional<Rigid3> TruePoseAt(const Trajectory& truth, Timestamp time) {
-  const auto after =
-      std::lower_bound(truth.begin(), truth.end(), time,
-                       [](const TimedPose& pose, Timestamp t) { return pose.timestamp < t; });
-  const TimedPose* nearest = nullptr;
-  int64_t least_ns = kMaxTimeDifferenceNs + 1;
-  for (const auto pose : {after - (after == truth.begin() ? 0 : 1), after}) {
-    if (pose == truth.end() || !pose->timestamp) continue;
-    const int64_t difference_ns = std::abs(pose->timestamp->ns - time.ns);
-    if (difference_ns < least_ns) {
-      least_ns = difference_ns;
-      nearest = &*pose;
-    }
-  }
-  return nearest ? nearest->world_from_camera : std::nullopt;
-}
-
-}  // namespace
 
 absl::StatusOr<MapAlignment> AlignMapToTruth(const LeanMap& map, const Trajectory& truth) {
+  const std::vector<TrueKeyframe> keyframes = FindTrueKeyframes(map, truth);
+  CARMAP_RETURN_IF_ERROR(CheckTrueKeyframes(map, keyframes));
   std::vector<Rigid3> in_map, in_world;
-  for (const LeanKeyframe& keyframe : map.keyframes) {
-    const std::optional<Rigid3> true_pose = TruePoseAt(truth, keyframe.timestamp);
-    if (!true_pose) continue;
+  for (const TrueKeyframe& keyframe : keyframes) {
     in_map.push_back(keyframe.map_from_camera);
-    in_world.push_back(*true_pose);
+    in_world.push_back(keyframe.world_from_camera);
   }
-  const std::optional<Rigid3> world_from_map =
-      in_map.size() < kMinKeyframes ? std::nullopt : AlignTrajectories(in_map, in_world);
-  if (!world_from_map) {
-    return absl::FailedPreconditionError(fmt::format(
-        "of the map's {} keyframes {} have a time stamp of the ground truth, {} are needed; name "
-        "the drive that the map was made from",
-        map.keyframes.size(), in_map.size(), kMinKeyframes));
-  }
+  const std::optional<Rigid3> world_from_map = AlignTrajectories(in_map, in_world);
   double sum_of_squares = 0;
   for (size_t i = 0; i < in_map.size(); ++i) {
     const Eigen::Vector3d aligned = *world_from_map * in_map[i].translation;
@@ -76,9 +45,9 @@ std::vector<FrameError> LocalizationErrors(const Trajectory& map_from_camera,
     }
     errors.push_back({path_m, kNone, kNone});
     if (!map_from_camera[i].world_from_camera || !true_pose) continue;
-    const Rigid3 estimated = world_from_map * *map_from_camera[i].world_from_camera;
-    const Rigid3 error = true_pose->Inverse() * estimated;
-    errors.back() = {path_m, error.translation.norm(), kDegPerRad * RotationAngle(error.rotation)};
+    const PoseError error =
+        ErrorOf(world_from_map * *map_from_camera[i].world_from_camera, *true_pose);
+    errors.back() = {path_m, error.position_m, error.rotation_deg};
   }
   return errors;
 }

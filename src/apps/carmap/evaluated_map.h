@@ -1,0 +1,36 @@
+// A map that is to be evaluated, with the truth of the drive that it was made from.
+#pragma once
+
+#include <absl/status/statusor.h>
+
+#include <memory>
+#include <string>
+
+#include "carmap/dataset/kitti_drive.h"
+#include "carmap/eval/localization_error.h"
+#include "carmap/eval/map_truth.h"
+#include "carmap/geometry/camera.h"
+#include "carmap/map/lean_map.h"
+
+namespace carmap {
+
+/// NotFound without poses.txt in the drive's folder.
+absl::Status CheckTruth(const KittiDrive& drive, const std::string& folder);
+
+/// Errors: as KittiDrive::Open and CheckTruth.
+absl::StatusOr<std::unique_ptr<KittiDrive>> OpenWithTruth(const std::string& folder);
+
+/// The rig that drives, with the disparity bias that was learnt if the same one mapped.
+StereoRig AsMapped(const StereoRig& rig, const LeanMap& map);
+
+struct EvaluatedMap {
+  MapTruth truth;
+  MapAlignment alignment;
+};
+
+/// `map` was read from `path`, and made of the drive in `truth_folder`. Errors: as OpenWithTruth
+/// and AlignMapToTruth.
+absl::StatusOr<EvaluatedMap> AlignToTruth(const LeanMap& map, const std::string& path,
+                                          const std::string& truth_folder);
+
+}  // namespace carmap
