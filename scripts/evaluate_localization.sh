@@ -36,9 +36,9 @@ downtown none 1 dense overcast
 downtown dense 0 dense overcast
 downtown dense 1 none overcast
 downtown dense 1 dense overcast
-freeway none -2 dense overcast
+freeway none 2 dense overcast
 freeway none 1 dense low-sun
-freeway dense -2 dense overcast
+freeway dense 2 dense overcast
 freeway dense 1 dense low-sun"
 
 # Whether the simulator wrote all of the drive's images. It would see so too, but builds the world

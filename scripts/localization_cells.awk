@@ -39,7 +39,7 @@ function list_cells(    s, z, m, d, l, w, lanes, n_lanes) {
   split("sunny overcast low-sun", light, " ")
   for (z = 1; z <= n_sizes; ++z)
     for (s = 1; s <= n_scenes; ++s) {
-      n_lanes = split(scene[s] == "freeway" ? "0 1 -1 -2" : "0 1", lanes, " ")
+      n_lanes = split(scene[s] == "freeway" ? "0 1 -1 2" : "0 1", lanes, " ")
       for (m = 1; m <= 2; ++m)
         for (l = 1; l <= n_lanes; ++l)
           for (d = 1; d <= 3; ++d)
