@@ -63,17 +63,9 @@ class FrameFinder {
     nlohmann::ordered_json& frame = frames_.emplace_back();
     frame = {{"index", index}, {"known_by", pose ? "map" : "lost"}, {"ms", watch.ElapsedMs()}};
     if (!pose) return;
-    const Rigid3 map_from_camera = pose->camera_from_map.Inverse();
-    const PoseError error = ErrorOf(evaluated_.alignment.world_from_map * map_from_camera,
-                                    *world_from_camera),
-                    map_error =
-                        ErrorOf(map_from_camera, evaluated_.truth.InMap(*world_from_camera));
-    frame["position_error_m"] = error.position_m;
-    frame["rotation_error_deg"] = error.rotation_deg;
-    frame["map_position_error_m"] = map_error.position_m;
-    frame["map_rotation_error_deg"] = map_error.rotation_deg;
+    AddErrors(evaluated_, pose->camera_from_map.Inverse(), *world_from_camera, frame);
     frame["inliers"] = pose->inliers.size();
-    errors_m_.push_back(error.position_m);
+    errors_m_.push_back(frame["position_error_m"]);
   }
 
   const nlohmann::ordered_json& frames() const { return frames_; }

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <nlohmann/json.hpp>
+
 #include "apps/carmap/outputs.h"
 #include "carmap/base/status_macros.h"
 #include "carmap/eval/localization_error.h"
@@ -34,6 +36,18 @@ absl::StatusOr<EvaluatedMap> AlignToTruth(const LeanMap& map, const std::string&
   if (!alignment.ok()) return WithName(path, alignment.status());
   CARMAP_ASSIGN_OR_RETURN(MapTruth truth, MapTruth::Create(map, drive->truth()));
   return EvaluatedMap{std::move(truth), *alignment};
+}
+
+void AddErrors(const EvaluatedMap& evaluated, const Rigid3& map_from_camera,
+               const Rigid3& true_world_from_camera, nlohmann::ordered_json& frame) {
+  const PoseError error =
+      ErrorOf(evaluated.alignment.world_from_map * map_from_camera, true_world_from_camera);
+  const PoseError map_error =
+      ErrorOf(map_from_camera, evaluated.truth.InMap(true_world_from_camera));
+  frame["position_error_m"] = error.position_m;
+  frame["rotation_error_deg"] = error.rotation_deg;
+  frame["map_position_error_m"] = map_error.position_m;
+  frame["map_rotation_error_deg"] = map_error.rotation_deg;
 }
 
 }  // namespace carmap

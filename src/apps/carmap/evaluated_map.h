@@ -4,12 +4,14 @@
 #include <absl/status/statusor.h>
 
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "carmap/dataset/kitti_drive.h"
 #include "carmap/eval/localization_error.h"
 #include "carmap/eval/map_truth.h"
 #include "carmap/geometry/camera.h"
+#include "carmap/geometry/rigid3.h"
 #include "carmap/map/lean_map.h"
 
 namespace carmap {
@@ -32,5 +34,10 @@ struct EvaluatedMap {
 /// and AlignMapToTruth.
 absl::StatusOr<EvaluatedMap> AlignToTruth(const LeanMap& map, const std::string& path,
                                           const std::string& truth_folder);
+
+/// Adds a frame's errors against the truth and against the map's own trajectory, in metres and
+/// degrees.
+void AddErrors(const EvaluatedMap& evaluated, const Rigid3& map_from_camera,
+               const Rigid3& true_world_from_camera, nlohmann::ordered_json& frame);
 
 }  // namespace carmap

@@ -198,18 +198,10 @@ double SigmaM(const UncertainPose& pose) {
 
 void AddErrors(const UncertainPose& pose, const Rigid3& world_from_camera,
                const EvaluatedMap& evaluated, nlohmann::ordered_json& detail) {
-  const Rigid3 base_from_camera = pose.camera_from_base.Inverse(),
-               true_base_from_camera = evaluated.truth.InMap(world_from_camera);
-  const PoseError error = ErrorOf(evaluated.alignment.world_from_map * base_from_camera,
-                                  world_from_camera),
-                  map_error = ErrorOf(base_from_camera, true_base_from_camera);
-  detail["position_error_m"] = error.position_m;
-  detail["rotation_error_deg"] = error.rotation_deg;
-  detail["map_position_error_m"] = map_error.position_m;
-  detail["map_rotation_error_deg"] = map_error.rotation_deg;
+  AddErrors(evaluated, pose.camera_from_base.Inverse(), world_from_camera, detail);
+  const Rigid3 true_camera_from_base = evaluated.truth.InMap(world_from_camera).Inverse();
   detail["squared_mahalanobis"] =
-      NormalizedErrorOf(pose.camera_from_base, pose.covariance, true_base_from_camera.Inverse())
-          .position;
+      NormalizedErrorOf(pose.camera_from_base, pose.covariance, true_camera_from_base).position;
 }
 
 nlohmann::ordered_json DetailOf(const FrameResult& frame) {

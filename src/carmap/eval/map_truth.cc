@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "carmap/base/status_macros.h"
+#include "carmap/solve/reprojection.h"
 
 namespace carmap {
 namespace {
@@ -106,11 +107,7 @@ PoseError ErrorOf(const Rigid3& estimated, const Rigid3& truth) {
 NormalizedError NormalizedErrorOf(const Rigid3& estimated_camera_from_map,
                                   const Eigen::Matrix<double, 6, 6>& covariance,
                                   const Rigid3& true_camera_from_map) {
-  // The delta of true = Perturb(estimated, delta).
-  const Rigid3 error = true_camera_from_map * estimated_camera_from_map.Inverse();
-  const Eigen::AngleAxisd turn(error.rotation);
-  Eigen::Matrix<double, 6, 1> delta;
-  delta << error.translation, turn.angle() * turn.axis();
+  const Vector6d delta = PoseDifference(estimated_camera_from_map, true_camera_from_map);
   return {SquaredMahalanobis<3>(delta.head<3>(), covariance.topLeftCorner<3, 3>()),
           SquaredMahalanobis<6>(delta, covariance)};
 }

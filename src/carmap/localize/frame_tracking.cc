@@ -1,5 +1,7 @@
 #include "carmap/localize/frame_tracking.h"
 
+#include <cmath>
+
 #include "carmap/solve/pnp.h"
 
 namespace carmap {
@@ -59,6 +61,21 @@ std::optional<TrackedPose> TrackByAppearance(const MapSnapshot& map,
       SolvePnpRansac(rig, options.noise, MeasurementsOf(map, grid.features(), rig, matches), pnp);
   if (!pose) return std::nullopt;
   return TrackByProjection(map, landmark_idxs, grid, rig, pose->camera_from_map, options);
+}
+
+double SigmaM(const Eigen::Matrix<double, 6, 6>& covariance) {
+  return std::sqrt(covariance.topLeftCorner<3, 3>().trace() / 3);
+}
+double SigmaRad(const Eigen::Matrix<double, 6, 6>& covariance) {
+  return std::sqrt(covariance.bottomRightCorner<3, 3>().trace() / 3);
+}
+
+Eigen::Matrix<double, 6, 6> WithSharedErrors(const Eigen::Matrix<double, 6, 6>& covariance) {
+  constexpr double kFactor = 25, kFloorM = 0.1, kFloorRad = 0.004;
+  Eigen::Matrix<double, 6, 6> result = kFactor * covariance;
+  result.diagonal().head<3>().array() += kFloorM * kFloorM;
+  result.diagonal().tail<3>().array() += kFloorRad * kFloorRad;
+  return result;
 }
 
 }  // namespace carmap

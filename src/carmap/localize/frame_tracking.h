@@ -45,4 +45,13 @@ std::optional<TrackedPose> TrackByAppearance(const MapSnapshot& map,
                                              const FeatureGrid& grid, const StereoRig& rig,
                                              const TrackingOptions& options, uint64_t seed);
 
+/// Root mean square of the standard deviations along the axes of a pose's covariance, in metres,
+/// and about them, in radians.
+double SigmaM(const Eigen::Matrix<double, 6, 6>& covariance);
+double SigmaRad(const Eigen::Matrix<double, 6, 6>& covariance);
+
+/// How far a pose found in a single frame may truly be off, of its TrackedPose::covariance, which
+/// knows nothing of the errors that its landmarks share.
+Eigen::Matrix<double, 6, 6> WithSharedErrors(const Eigen::Matrix<double, 6, 6>& covariance);
+
 }  // namespace carmap

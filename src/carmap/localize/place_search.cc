@@ -155,7 +155,7 @@ std::optional<PlaceHypothesis> PlaceSearch::Try(const Candidate& candidate,
       TrackAround(map_, grid, rig, coarse ? coarse->camera_from_map : map_from_center.Inverse(),
                   tracking, options_.neighbourhood);
   if (!pose) return std::nullopt;
-  auto hypothesis = Judge(*pose, grid, rig);
+  auto hypothesis = Judge(*pose, rig);
   if (!hypothesis) return std::nullopt;
   hypothesis->keyframe_idx = center_idx;
   hypothesis->proposed_by_gps = candidate.proposed_by_gps;
@@ -163,7 +163,7 @@ std::optional<PlaceHypothesis> PlaceSearch::Try(const Candidate& candidate,
 }
 
 /// What speaks for the pose; nothing if its landmarks are not those around it.
-std::optional<PlaceHypothesis> PlaceSearch::Judge(const TrackedPose& pose, const FeatureGrid& grid,
+std::optional<PlaceHypothesis> PlaceSearch::Judge(const TrackedPose& pose,
                                                   const StereoRig& rig) const {
   size_t in_sight = 0;
   for (const uint32_t landmark_idx :
@@ -171,12 +171,10 @@ std::optional<PlaceHypothesis> PlaceSearch::Judge(const TrackedPose& pose, const
     if (IsInSight(map_.snapshot.landmarks[landmark_idx], rig, pose.camera_from_map)) ++in_sight;
   }
   if (in_sight < pose.inliers.size()) return std::nullopt;
-  const auto measurements = MeasurementsOf(map_.snapshot, grid.features(), rig, pose.inliers);
   PlaceHypothesis hypothesis;
   hypothesis.camera_from_map = pose.camera_from_map;
   hypothesis.inliers = pose.inliers;
-  hypothesis.covariance =
-      RefinePose(rig, options_.tracking.noise, measurements, pose.camera_from_map).covariance;
+  hypothesis.covariance = pose.covariance;
   hypothesis.seen_share = static_cast<double>(pose.inliers.size()) / static_cast<double>(in_sight);
   return hypothesis;
 }

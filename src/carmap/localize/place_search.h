@@ -86,8 +86,7 @@ class PlaceSearch {
   std::optional<PlaceHypothesis> Try(const Candidate& candidate, const SizedFeatures& features,
                                      const FeatureGrid& grid, const StereoRig& rig,
                                      size_t& comparisons) const;
-  std::optional<PlaceHypothesis> Judge(const TrackedPose& pose, const FeatureGrid& grid,
-                                       const StereoRig& rig) const;
+  std::optional<PlaceHypothesis> Judge(const TrackedPose& pose, const StereoRig& rig) const;
   bool IsWorthATry(const Candidate& candidate, const std::optional<Candidate>& found,
                    const std::vector<PlaceHypothesis>& hypotheses) const;
 

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "carmap/solve/alignment.h"
+#include "carmap/solve/reprojection.h"
 
 namespace carmap {
 namespace {
@@ -17,12 +18,8 @@ constexpr size_t kSampleSize = 3;
 // Of the bound on inliers: a sample should be of good measurements, of which some always are.
 constexpr double kSampleTightness = 1.0 / 3;
 constexpr int kStereoSteps = 3;
-
-Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d cross;
-  cross << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return cross;
-}
+// Three measurements tell nothing of how noisy they are: pixels and disparities weigh the same.
+constexpr MeasurementNoise kPixelNoise{.pixel_px = 1, .disparity_px = 1};
 
 using Sample = std::array<size_t, kSampleSize>;
 
@@ -140,22 +137,17 @@ class PnpRansac {
 
   /// One Gauss-Newton step; nothing where a landmark gets behind the camera.
   std::optional<Rigid3> StepOnSample(const Sample& sample, const Rigid3& pose) const {
-    Eigen::Matrix<double, 6, 6> normal = Eigen::Matrix<double, 6, 6>::Zero();
-    Eigen::Matrix<double, 6, 1> gradient = Eigen::Matrix<double, 6, 1>::Zero();
+    PoseNormal normal;
     for (const size_t i : sample) {
       const PoseMeasurement& m = measurements_[i];
+      const WhitenedMeasurement whitened = Whiten(kPixelNoise, m.px, m.disparity_px, m.scale);
       const Eigen::Vector3d p = pose * m.position_in_map;
-      if (!(p.z() > 0)) return std::nullopt;
-      Eigen::Matrix<double, 3, 6> motion;
-      motion << Eigen::Matrix3d::Identity(), -CrossMatrix(p);
-      const Eigen::Matrix<double, 3, 6> jacobian =
-          StereoProjectionJacobian(rig_, p) * motion / m.scale;
-      const Eigen::Vector3d error =
-          (Eigen::Vector3d(m.px.x(), m.px.y(), m.disparity_px) - rig_.Project(p)) / m.scale;
-      normal += jacobian.transpose() * jacobian;
-      gradient += jacobian.transpose() * error;
+      Eigen::Vector3d error;
+      if (!WhitenedError(rig_, whitened, p, error)) return std::nullopt;
+      normal.Add(MakePointTerm(rig_, whitened, p, error, /*weight=*/1), p);
     }
-    const Eigen::Matrix<double, 6, 1> delta = normal.ldlt().solve(gradient);
+    const Matrix6d hessian = normal.hessian.selfadjointView<Eigen::Lower>();
+    const Vector6d delta = -hessian.ldlt().solve(normal.gradient);
     if (!delta.allFinite()) return std::nullopt;
     return Perturb(pose, delta);
   }

@@ -16,22 +16,6 @@ constexpr double kNeighbourhoodM = 3, kNeighbourhoodRad = 0.2;
 /// A pose settles when the second search starts so near to the first one's result.
 constexpr double kSettledM = 0.05, kSettledRad = 0.001;
 
-double SigmaM(const Matrix6d& covariance) {
-  return std::sqrt(covariance.topLeftCorner<3, 3>().trace() / 3);
-}
-double SigmaRad(const Matrix6d& covariance) {
-  return std::sqrt(covariance.bottomRightCorner<3, 3>().trace() / 3);
-}
-
-/// A place found in one frame is surer of itself than it should be: its landmarks share errors.
-UncertainPose FoundPose(const Rigid3& camera_from_base, const Matrix6d& covariance) {
-  constexpr double kFactor = 25, kFloorM = 0.1, kFloorRad = 0.004;
-  UncertainPose pose{camera_from_base, kFactor * covariance};
-  pose.covariance.diagonal().head<3>().array() += kFloorM * kFloorM;
-  pose.covariance.diagonal().tail<3>().array() += kFloorRad * kFloorRad;
-  return pose;
-}
-
 }  // namespace
 
 BaseTracker::BaseTracker(const ReconstructedMap& base, const StereoRig& rig,
@@ -52,7 +36,7 @@ VehiclePose BaseTracker::Take(const ExtractedFrame& frame, const TrackedFrame& o
   if (step && window_) {
     const UncertainPose predicted = AfterMotion(window_->newest(), step->motion, step->covariance);
     if (auto observation = Observe(grid, predicted)) seen = *std::move(observation);
-    window_->Add(step->motion, step->covariance, std::move(seen.seen));
+    window_->Add(step->motion, step->covariance, std::move(seen.landmarks));
     dead_reckoned_m_ =
         seen.inliers.empty() ? dead_reckoned_m_ + step->motion.translation.norm() : 0;
     if (SigmaM(window_->newest().covariance) > options_.max_sigma_m) window_.reset();
@@ -137,8 +121,8 @@ PoseEstimate BaseTracker::MatchAndRefine(const FeatureGrid& grid, const Uncertai
       base_.snapshot, LandmarksNear(camera_from_base.Inverse()), grid, rig_, camera_from_base,
       {.radius_px = radius_px, .position_radius_m = position_radius_m});
   observation = {See(grid, camera_from_base, matches), matches};
-  return RefinePose(rig_, options_.window.noise, observation.seen.measurements, camera_from_base,
-                    kInitialErrorPx,
+  return RefinePose(rig_, options_.window.noise, observation.landmarks.measurements,
+                    camera_from_base, kInitialErrorPx,
                     PosePrior{predicted.camera_from_base, predicted.covariance.inverse()});
 }
 
@@ -164,13 +148,13 @@ std::optional<BaseTracker::Observation> BaseTracker::Observe(const FeatureGrid& 
     return std::nullopt;
   }
   Observation agreeing;
-  agreeing.seen.inlier_share =
+  agreeing.landmarks.inlier_share =
       static_cast<double>(inliers) / static_cast<double>(seen.inliers.size());
   for (size_t i = 0; i < seen.inliers.size(); ++i) {
     if (!estimate.is_inlier[i]) continue;
     agreeing.inliers.push_back(seen.inliers[i]);
-    agreeing.seen.measurements.push_back(seen.seen.measurements[i]);
-    agreeing.seen.common_shift_px.push_back(seen.seen.common_shift_px[i]);
+    agreeing.landmarks.measurements.push_back(seen.landmarks.measurements[i]);
+    agreeing.landmarks.common_shift_px.push_back(seen.landmarks.common_shift_px[i]);
   }
   return agreeing;
 }
@@ -185,7 +169,7 @@ void BaseTracker::FollowHypotheses(const FeatureGrid& grid, const Step& step) {
     hypothesis.is_seen = found.has_value();
     hypothesis.inliers.clear();
     if (found) {
-      hypothesis.pose = FoundPose(found->camera_from_map, found->covariance);
+      hypothesis.pose = {found->camera_from_map, WithSharedErrors(found->covariance)};
       hypothesis.inliers = found->inliers;
       hypothesis.total_inliers += found->inliers.size();
       ++hypothesis.frames;
@@ -205,8 +189,11 @@ void BaseTracker::SearchPlaces(const FeatureGrid& grid, const std::optional<GpsF
         });
     if (is_followed || hypotheses_.size() == options_.max_hypotheses) continue;
     const size_t inliers = place.inliers.size();
-    hypotheses_.push_back({FoundPose(place.camera_from_map, place.covariance),
-                           std::move(place.inliers), inliers, /*frames=*/1, /*is_seen=*/true});
+    hypotheses_.push_back({{place.camera_from_map, WithSharedErrors(place.covariance)},
+                           std::move(place.inliers),
+                           inliers,
+                           /*frames=*/1,
+                           /*is_seen=*/true});
   }
 }
 

@@ -87,7 +87,7 @@ class BaseTracker {
     bool is_seen = true;  ///< in the newest frame
   };
   struct Observation {
-    SeenLandmarks seen;
+    SeenLandmarks landmarks;
     std::vector<LandmarkMatch> inliers;
   };
 

@@ -46,7 +46,7 @@ void WindowEstimator::Add(const Rigid3& camera_from_previous, const Matrix6d& mo
     const Matrix6d adjoint = AdjointOf(camera_from_previous);
     frame.camera_from_previous = camera_from_previous * frames_.back().camera_from_previous;
     frame.motion_covariance += adjoint * frames_.back().motion_covariance * adjoint.transpose();
-    DropNewest();
+    frames_.pop_back();
   }
   for (const PoseMeasurement& m : frame.seen.measurements) {
     frame.whitened.push_back(Whiten(options_.noise, m));
@@ -63,8 +63,6 @@ bool WindowEstimator::IsKeyframe(const Frame& frame) const {
          frame.camera_from_previous.translation.norm() >= options_.keyframe_distance_m ||
          RotationAngle(frame.camera_from_previous.rotation) >= options_.keyframe_turn_rad;
 }
-
-void WindowEstimator::DropNewest() { frames_.pop_back(); }
 
 /// Calls `visit(idx, p_in_camera, error, weight)` for each landmark in front of the frame.
 template <typename Visit>

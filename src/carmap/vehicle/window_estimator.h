@@ -96,7 +96,6 @@ class WindowEstimator {
   };
 
   bool IsKeyframe(const Frame& frame) const;
-  void DropNewest();
   void MarginalizeOldest();
   template <typename Visit>
   void VisitMeasurements(const Frame& frame, Visit&& visit) const;
