@@ -5,10 +5,10 @@
 # left in build/evaluate_slam.md.
 #
 #   scripts/evaluate_slam.sh [PATH...]     paths by their numbers, `rounds` and `replay`;
-#                                          default: rounds replay 07 06 05 00
+#                                          default: rounds replay 07 06 09 05 02 00
 #
-# SIZE=WxH is the images' size. Drives are kept in $CARMAP_DRIVES, or else in build/drives, for all evaluations; an interrupted run goes on
-# where it stopped. Remove them after the simulator changed.
+# SIZE=WxH is the images' size. Drives are kept in $CARMAP_DRIVES, or else in build/drives, for all
+# evaluations; an interrupted run goes on where it stopped. Remove them after the simulator changed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 # shellcheck source-path=SCRIPTDIR source=report.sh
@@ -22,7 +22,7 @@ out=build/evaluate_slam
 table=build/evaluate_slam.md
 # A loop is false if its two keyframes are farther apart than this.
 max_loop_m=20
-(($# > 0)) || set -- rounds replay 07 06 05 00
+(($# > 0)) || set -- rounds replay 07 06 09 05 02 00
 mkdir -p "$drives" "$out"
 
 simulate() { # PATH_FILE DRIVE SCENE [OPTION...]
@@ -60,8 +60,9 @@ false_loops() { # REPORT POSES
     END { print count + 0 }' "$2" <(closed_loops "$1")
 }
 
-# How many times the vehicle comes back to where it was: less than 5 m from a place that it passed
-# 60 m ago or more, and in about the same direction. What is less than 30 frames apart is one time.
+# When the vehicle comes back to where it was, a line each, its first and last frame: less than 5 m
+# from a place that it passed 60 m ago or more, and in about the same direction. What is less than
+# 30 frames apart is one time.
 revisits() { # POSES
   awk '
     { x[NR] = $4; y[NR] = $8; z[NR] = $12; a[NR] = $3; b[NR] = $7; c[NR] = $11
@@ -70,11 +71,21 @@ revisits() { # POSES
       for (i = 1; i < NR && s[i] < s[NR] - 60; ++i) {
         if ((x[i] - x[NR])^2 + (y[i] - y[NR])^2 + (z[i] - z[NR])^2 > 25) continue
         if (a[i] * a[NR] + b[i] * b[NR] + c[i] * c[NR] < 0.7) continue
-        if (!last || NR - last > 30) ++count
+        if (last && NR - last > 30) print first - 1, last - 1
+        if (!last || NR - last > 30) first = NR
         last = NR
         break
       } }
-    END { print count + 0 }' "$1"
+    END { if (last) print first - 1, last - 1 }' "$1"
+}
+
+# After how many frames each return was closed; - where none was.
+closing_delays() { # REPORT POSES
+  awk '
+    FILENAME == ARGV[1] { loop[++loops] = $1; next }
+    { delay = "-"
+      for (i = loops; i > 0; --i) if (loop[i] > $1 - 30 && loop[i] <= $2 + 30) delay = loop[i] - $1
+      printf "%s%s", separator, delay; separator = ", " }' <(closed_loops "$1") <(revisits "$2")
 }
 
 header() { # COLUMN...
@@ -82,11 +93,12 @@ header() { # COLUMN...
   { printf '| %s ' "$@" && echo '|' && printf '|%.0s---' "$@" && echo '|'; } >>"$table"
 }
 
-row() { # PATH DRIVE HOW REPORT REVISITS
+row() { # PATH DRIVE HOW REPORT
   local report="$4"
   echo "| $1 | $3 | $(json_number "$report" tracked_frames)/$(json_number "$report" frames) |\
  $(rounded "$(json_number "$report" path_length_m)" 0) |\
- $5 | $(closed_loops "$report" | wc -l) | $(false_loops "$report" "$2/poses.txt") |\
+ $(revisits "$2/poses.txt" | wc -l) | $(closed_loops "$report" | wc -l) |\
+ $(closing_delays "$report" "$2/poses.txt") | $(false_loops "$report" "$2/poses.txt") |\
  $(json_number "$report" rejected_keyframes) |\
  $(rounded "$(json_number "$report" ate_rmse_m)" 3) |\
  $(rounded "$(json_number "$report" t_rel_100_800_percent)" 3) |\
@@ -150,19 +162,18 @@ evaluate_replay() {
 }
 
 evaluate_path() { # PATH
-  local path="$1" drive="$drives/path$1-$size" name="$1_$size" scene=suburb times
+  local path="$1" drive="$drives/path$1-$size" name="$1_$size" scene=suburb
   [[ "$path" != 05 ]] || scene=downtown
   simulate "$poses/$path.txt" "$drive" "$scene" --size "$size"
   link_without_gps "$drive" "$out/$name"
   map_drive "$out/$name" "${name}_open" --no-loops
   map_drive "$out/$name" "${name}_closed"
   map_drive "$drive" "${name}_gps"
-  header "path, $size" how tracked "path m" revisits loops false rejected "ATE m" "t_rel %" \
+  header "path, $size" how tracked "path m" returns loops "closed after frames" false rejected "ATE m" "t_rel %" \
     "on Earth m, mean" max "ms a frame, median" p99 "peak MB"
-  times="$(revisits "$drive/poses.txt")"
-  row "$path" "$drive" "loops left open" "$out/${name}_open.json" "$times"
-  row "$path" "$drive" "loops closed" "$out/${name}_closed.json" "$times"
-  row "$path" "$drive" "loops closed, GPS" "$out/${name}_gps.json" "$times"
+  row "$path" "$drive" "loops left open" "$out/${name}_open.json"
+  row "$path" "$drive" "loops closed" "$out/${name}_closed.json"
+  row "$path" "$drive" "loops closed, GPS" "$out/${name}_gps.json"
 }
 
 : >"$table"

@@ -49,6 +49,16 @@ struct MapSnapshot {
 /// Indices of all landmarks.
 std::vector<uint32_t> AllLandmarks(const MapSnapshot& map);
 
+/// Of the landmarks of `map`, those whose id passes.
+template <typename Predicate>
+std::vector<uint32_t> SelectLandmarks(const MapSnapshot& map, Predicate&& passes) {
+  std::vector<uint32_t> idxs;
+  for (uint32_t i = 0; i < map.landmarks.size(); ++i) {
+    if (passes(map.landmarks[i].id)) idxs.push_back(i);
+  }
+  return idxs;
+}
+
 /// Pyramid level, not rounded and possibly out of range, at which a camera of the same focal length
 /// sees the landmark from this distance. It falls as the distance grows: a corner of a given size
 /// is small from far away.

@@ -31,16 +31,6 @@ std::vector<KeyframeId> Union(const std::vector<KeyframeId>& a, const std::vecto
   return both;
 }
 
-/// Of the landmarks of `snapshot`, those that pass.
-template <typename Predicate>
-std::vector<uint32_t> SelectLandmarks(const MapSnapshot& snapshot, Predicate&& passes) {
-  std::vector<uint32_t> idxs;
-  for (uint32_t i = 0; i < snapshot.landmarks.size(); ++i) {
-    if (passes(snapshot.landmarks[i].id)) idxs.push_back(i);
-  }
-  return idxs;
-}
-
 Descriptor MedoidDescriptor(const Map& map, const Landmark& landmark) {
   std::vector<Descriptor> seen;
   for (const Observation& observation : landmark.observations) {

@@ -32,8 +32,8 @@ class GraphOfMap {
   void AddLoop(const Loop& loop) {
     for (const LoopMatch& match : loop) {
       graph_.edges.push_back({idx_of_.at(match.place_id), idx_of_.at(match.keyframe_id),
-                              match.keyframe_from_place, options_.loop_sigma_m,
-                              options_.loop_sigma_rad, /*is_robust=*/true});
+                              match.keyframe_from_place, SigmaM(match.covariance),
+                              SigmaRad(match.covariance), /*is_robust=*/true});
     }
   }
   void AddFixes(const std::vector<PositionPrior>& fixes) {

@@ -18,10 +18,9 @@ namespace carmap {
 
 struct LoopCorrectionOptions {
   // Standard deviations of the pose of a keyframe relative to the one before: so much, and so much
-  // for each metre between them. The ratio between them and those of a loop is what matters.
+  // for each metre between them.
   double step_sigma_m = 0.01, step_sigma_m_per_m = 0.01;
   double step_sigma_rad = 5e-4, step_sigma_rad_per_m = 3e-4;
-  double loop_sigma_m = 0.05, loop_sigma_rad = 0.002;
   /// Where keyframes after each other see nothing in common.
   double lost_sigma_m = 10, lost_sigma_rad = 0.2;
 

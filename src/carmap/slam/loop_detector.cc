@@ -1,13 +1,15 @@
 #include "carmap/slam/loop_detector.h"
 
+#include <Eigen/Cholesky>
 #include <algorithm>
-#include <array>
+#include <numeric>
 #include <utility>
 
 #include "carmap/feature/vocabulary.h"
 #include "carmap/geometry/geodesy.h"
 #include "carmap/localize/landmark_matcher.h"
 #include "carmap/map/map_snapshot.h"
+#include "carmap/solve/reprojection.h"
 
 namespace carmap {
 namespace {
@@ -19,68 +21,46 @@ bool Contains(const std::vector<KeyframeId>& ascending, KeyframeId id) {
   return std::binary_search(ascending.begin(), ascending.end(), id);
 }
 
-/// The keyframe and all that see a landmark that it sees; ascending.
-std::vector<KeyframeId> WithAllCovisible(const Map& map, KeyframeId id) {
+/// The keyframe and those that hold it already by many landmarks; ascending.
+std::vector<KeyframeId> WithTied(const Map& map, KeyframeId id, int tied_landmarks) {
   std::vector<KeyframeId> ids = {id};
-  for (const Covisibility& other : CovisibleKeyframes(map, id, 1)) ids.push_back(other.id);
+  for (const Covisibility& other : CovisibleKeyframes(map, id, tied_landmarks)) {
+    ids.push_back(other.id);
+  }
   std::sort(ids.begin(), ids.end());
   return ids;
-}
-
-/// Cells of the image that hold at least two of the inliers.
-int CountImageCells(const std::vector<LandmarkMatch>& inliers, const std::vector<Feature>& features,
-                    const PinholeCamera& camera) {
-  constexpr int kColumns = 4, kRows = 2;
-  std::array<int, kColumns * kRows> counts{};
-  for (const LandmarkMatch& match : inliers) {
-    const Feature& feature = features[match.feature_idx];
-    const int column = static_cast<int>(kColumns * feature.x_px / static_cast<float>(camera.width));
-    const int row = static_cast<int>(kRows * feature.y_px / static_cast<float>(camera.height));
-    ++counts[std::clamp(row, 0, kRows - 1) * kColumns + std::clamp(column, 0, kColumns - 1)];
-  }
-  return static_cast<int>(
-      std::count_if(counts.begin(), counts.end(), [](int count) { return count >= 2; }));
-}
-
-/// What the keyframe moves by if the match is right.
-Rigid3 CorrectionBy(const Map& map, const LoopMatch& match) {
-  return match.map_from_keyframe * map.Find(match.keyframe_id)->map_from_camera.Inverse();
 }
 
 }  // namespace
 
 std::optional<LoopMatch> MatchPlace(const Map& map, const StereoRig& rig, const Keyframe& keyframe,
-                                    KeyframeId place_id, const LoopDetectorOptions& options) {
-  const std::vector<KeyframeId> seen_already = WithAllCovisible(map, keyframe.id);
+                                    KeyframeId place_id, KeyframeId last_of_earlier_pass,
+                                    const LoopDetectorOptions& options) {
   std::vector<KeyframeId> around_place = WindowAround(map, place_id, options.window);
-  std::erase_if(around_place, [&](KeyframeId id) { return Contains(seen_already, id); });
-  if (around_place.empty()) return std::nullopt;
-
+  std::erase_if(around_place, [&](KeyframeId id) { return last_of_earlier_pass < id; });
   const MapSnapshot snapshot = SnapshotOf(map, around_place);
+  const std::vector<uint32_t> of_earlier_pass = SelectLandmarks(snapshot, [&](LandmarkId id) {
+    return !(last_of_earlier_pass < map.Find(id)->observations.back().keyframe_id);
+  });
   const FeatureGrid grid(*keyframe.features, rig.camera.width, rig.camera.height);
   const auto pose =
-      TrackByAppearance(snapshot, AllLandmarks(snapshot), grid, rig, options.tracking, /*seed=*/1);
-  if (!pose || static_cast<int>(pose->inliers.size()) < options.min_inliers) return std::nullopt;
+      TrackByAppearance(snapshot, of_earlier_pass, grid, rig, options.tracking, /*seed=*/1);
+  if (!pose) return std::nullopt;
 
-  const auto in_sight = std::count_if(snapshot.landmarks.begin(), snapshot.landmarks.end(),
-                                      [&](const SnapshotLandmark& landmark) {
-                                        return IsInSight(landmark, rig, pose->camera_from_map);
-                                      });
-  const auto near =
-      std::count_if(pose->inliers.begin(), pose->inliers.end(), [&](const LandmarkMatch& match) {
-        const auto& p_in_map = snapshot.landmarks[match.landmark_idx].position_in_map;
-        return (pose->camera_from_map * p_in_map).z() < options.near_m;
-      });
+  const auto in_sight = std::count_if(
+      of_earlier_pass.begin(), of_earlier_pass.end(),
+      [&](uint32_t idx) { return IsInSight(snapshot.landmarks[idx], rig, pose->camera_from_map); });
   const LoopMatch match{
       .keyframe_id = keyframe.id,
       .place_id = place_id,
       .keyframe_from_place = pose->camera_from_map * map.Find(place_id)->map_from_camera,
       .map_from_keyframe = pose->camera_from_map.Inverse(),
+      .covariance = WithSharedErrors(pose->covariance),
       .inlier_count = static_cast<int>(pose->inliers.size()),
       .seen_share =
           static_cast<double>(pose->inliers.size()) / std::max(static_cast<double>(in_sight), 1.0)};
-  if (match.seen_share < options.min_seen_share || near < options.min_near_inliers ||
-      CountImageCells(pose->inliers, *keyframe.features, rig.camera) < options.min_image_cells) {
+  if (match.seen_share < options.min_seen_share || SigmaM(match.covariance) > options.max_sigma_m ||
+      SigmaRad(match.covariance) > options.max_sigma_rad) {
     return std::nullopt;
   }
   return match;
@@ -109,7 +89,10 @@ std::optional<Loop> LoopDetector::Detect(const Map& map, const StereoRig& rig, K
   if (!chain_.empty() && !Agrees(map, chain_.back(), *match)) chain_.clear();
   chain_.push_back(*match);
   missed_ = 0;
-  if (chain_.size() < options_.min_keyframes ||
+  const int inliers =
+      std::accumulate(chain_.begin(), chain_.end(), 0,
+                      [](int sum, const LoopMatch& m) { return sum + m.inlier_count; });
+  if (chain_.size() < options_.min_keyframes || inliers < options_.min_chain_inliers ||
       Since(chain_.front().keyframe_id).driven_m < options_.min_chain_m) {
     return std::nullopt;
   }
@@ -146,11 +129,20 @@ LoopDetector::Odometer LoopDetector::Since(KeyframeId place_id) const {
           now.drift_rad - then->second.drift_rad};
 }
 
+/// The newest keyframe from which the vehicle has driven far enough to have come back.
+std::optional<KeyframeId> LoopDetector::LastOfEarlierPass() const {
+  const double now_m = odometer_.rbegin()->second.driven_m;
+  const auto last = std::find_if(odometer_.rbegin(), odometer_.rend(), [&](const auto& keyframe) {
+    return now_m - keyframe.second.driven_m >= options_.min_driven_m;
+  });
+  if (last == odometer_.rend()) return std::nullopt;
+  return last->first;
+}
+
 bool LoopDetector::IsPossible(const Keyframe& keyframe, const Keyframe& place) const {
   const Odometer since = Since(place.id);
   const Rigid3 place_from_keyframe = place.map_from_camera.Inverse() * keyframe.map_from_camera;
-  return since.driven_m >= options_.min_driven_m &&
-         place_from_keyframe.translation.norm() <=
+  return place_from_keyframe.translation.norm() <=
              options_.drift_allowance_m + since.drift_m + kSightM &&
          RotationAngle(place_from_keyframe.rotation) <= options_.max_turn_rad + since.drift_rad;
 }
@@ -162,8 +154,9 @@ bool LoopDetector::IsPossibleDrift(const Keyframe& keyframe, const LoopMatch& ma
          RotationAngle(drift.rotation) <= options_.drift_allowance_rad + since.drift_rad;
 }
 
-std::vector<KeyframeId> LoopDetector::ProposePlaces(const Map& map, const Keyframe& keyframe) {
-  const std::vector<KeyframeId> excluded = WithAllCovisible(map, keyframe.id);
+std::vector<KeyframeId> LoopDetector::ProposePlaces(const Map& map, const Keyframe& keyframe,
+                                                    KeyframeId last_of_earlier_pass) {
+  const std::vector<KeyframeId> excluded = WithTied(map, keyframe.id, options_.tied_landmarks);
   std::vector<KeyframeId> places;
   std::vector<KeyframeId> taken = excluded;
   // Keyframes side by side are one place.
@@ -171,7 +164,10 @@ std::vector<KeyframeId> LoopDetector::ProposePlaces(const Map& map, const Keyfra
     size_t count = 0;
     for (const KeyframeId& id : ranked) {
       if (count == max_count) return;
-      if (Contains(taken, id) || !IsPossible(keyframe, *map.Find(id))) continue;
+      if (last_of_earlier_pass < id || Contains(taken, id) ||
+          !IsPossible(keyframe, *map.Find(id))) {
+        continue;
+      }
       ++count;
       places.push_back(id);
       const std::vector<KeyframeId> window = WindowAround(map, id, options_.window);
@@ -224,9 +220,11 @@ std::vector<KeyframeId> LoopDetector::RankByPosition(const Map& map,
 
 std::optional<LoopMatch> LoopDetector::Match(const Map& map, const StereoRig& rig,
                                              const Keyframe& keyframe) {
+  const std::optional<KeyframeId> last = LastOfEarlierPass();
+  if (!last) return std::nullopt;
   std::vector<LoopMatch> matches;
-  for (const KeyframeId& place_id : ProposePlaces(map, keyframe)) {
-    const auto match = MatchPlace(map, rig, keyframe, place_id, options_);
+  for (const KeyframeId& place_id : ProposePlaces(map, keyframe, *last)) {
+    const auto match = MatchPlace(map, rig, keyframe, place_id, *last, options_);
     if (match) matches.push_back(*match);
   }
   if (matches.empty()) return std::nullopt;
@@ -245,10 +243,14 @@ std::optional<LoopMatch> LoopDetector::Match(const Map& map, const StereoRig& ri
 }
 
 bool LoopDetector::Agrees(const Map& map, const LoopMatch& a, const LoopMatch& b) const {
-  const Rigid3 by_a = CorrectionBy(map, a) * map.Find(b.keyframe_id)->map_from_camera;
-  const Rigid3 difference = by_a.Inverse() * b.map_from_keyframe;
-  return difference.translation.norm() <= options_.max_disagreement_m &&
-         RotationAngle(difference.rotation) <= options_.max_disagreement_rad;
+  const Rigid3 b_from_a =
+      map.Find(b.keyframe_id)->map_from_camera.Inverse() * map.Find(a.keyframe_id)->map_from_camera;
+  const Matrix6d adjoint = AdjointOf(b_from_a);
+  const Vector6d difference =
+      PoseDifference(b_from_a * a.map_from_keyframe.Inverse(), b.map_from_keyframe.Inverse());
+  const Matrix6d covariance = adjoint * a.covariance * adjoint.transpose() + b.covariance;
+  return difference.dot(covariance.ldlt().solve(difference)) <=
+         options_.max_disagreement * options_.max_disagreement;
 }
 
 }  // namespace carmap

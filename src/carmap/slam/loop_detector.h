@@ -29,6 +29,7 @@ class Vocabulary;
 struct LoopDetectorOptions {
   // Which places are looked at.
   double min_driven_m = 40;               ///< between the place and the newest keyframe
+  int tied_landmarks = 30;                ///< shared with a place that needs no loop any more
   float min_relative_similarity = 0.25f;  ///< to that with the keyframe before
   size_t max_places_by_words = 3;
   size_t max_places_by_position = 2;
@@ -43,27 +44,26 @@ struct LoopDetectorOptions {
   // What it takes for a keyframe to have been seen from there.
   TrackingOptions tracking;
   WindowOptions window{.keyframes = 8};  ///< keyframes around the place whose landmarks count
-  int min_inliers = 40;
-  double min_seen_share = 0.15;  ///< of the landmarks that must be in sight
-  int min_image_cells = 5;       ///< of 4 × 2 cells of the image, with at least two inliers each
-  int min_near_inliers = 8;      ///< nearer than near_m, which tell where the camera stands
-  double near_m = 20;
+  double min_seen_share = 0.15;          ///< of the landmarks that must be in sight
+  double max_sigma_m = 0.3, max_sigma_rad = 0.01;  ///< of the pose
   /// Another place that would explain the keyframe too, with so large a part of the inliers, makes
   /// both worthless: façades repeat.
   double max_rival_ratio = 0.4;
 
   // What it takes for keyframes to agree.
   size_t min_keyframes = 3;
+  int min_chain_inliers = 80;       ///< of all of them together
   size_t max_missed_keyframes = 1;  ///< between two of them
   double min_chain_m = 3;           ///< driven from the first to the last
-  double max_disagreement_m = 0.5, max_disagreement_rad = 0.03;
+  double max_disagreement = 3;      ///< of two, in standard deviations
 };
 
 /// A keyframe as seen from an earlier place.
 struct LoopMatch {
   KeyframeId keyframe_id, place_id;
-  Rigid3 keyframe_from_place;  ///< between the two cameras
-  Rigid3 map_from_keyframe;    ///< where the place's landmarks say that the keyframe is
+  Rigid3 keyframe_from_place;              ///< between the two cameras
+  Rigid3 map_from_keyframe;                ///< where the place's landmarks say that the keyframe is
+  Eigen::Matrix<double, 6, 6> covariance;  ///< of either pose, in the tangent of the keyframe
   int inlier_count = 0;
   double seen_share = 0;
 };
@@ -93,9 +93,11 @@ class LoopDetector {
 
   void TakeIn(const Map& map, const Keyframe& keyframe);
   Odometer Since(KeyframeId place_id) const;
+  std::optional<KeyframeId> LastOfEarlierPass() const;
   bool IsPossible(const Keyframe& keyframe, const Keyframe& place) const;
   bool IsPossibleDrift(const Keyframe& keyframe, const LoopMatch& match) const;
-  std::vector<KeyframeId> ProposePlaces(const Map& map, const Keyframe& keyframe);
+  std::vector<KeyframeId> ProposePlaces(const Map& map, const Keyframe& keyframe,
+                                        KeyframeId last_of_earlier_pass);
   std::vector<KeyframeId> RankByWords(const Map& map, const Keyframe& keyframe,
                                       const std::vector<KeyframeId>& excluded);
   std::vector<KeyframeId> RankByPosition(const Map& map, const Keyframe& keyframe) const;
@@ -112,9 +114,11 @@ class LoopDetector {
   size_t rejected_count_ = 0;
 };
 
-/// The keyframe seen with the landmarks around a place; nothing unless all that LoopDetectorOptions
-/// asks of one keyframe holds. Pure.
+/// The keyframe seen with the landmarks around a place that no keyframe after
+/// `last_of_earlier_pass` sees; nothing unless all that LoopDetectorOptions asks of one keyframe
+/// holds. Pure.
 std::optional<LoopMatch> MatchPlace(const Map& map, const StereoRig& rig, const Keyframe& keyframe,
-                                    KeyframeId place_id, const LoopDetectorOptions& options);
+                                    KeyframeId place_id, KeyframeId last_of_earlier_pass,
+                                    const LoopDetectorOptions& options);
 
 }  // namespace carmap

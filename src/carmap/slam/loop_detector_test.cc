@@ -67,6 +67,64 @@ TEST(LoopDetector, LooksWhereTheMapSaysItIsTooWhenNoWordsTell) {
   EXPECT_FALSE(DriveAndDetect(drive, 175, detector).loops.empty());
 }
 
+/// Makes the newest keyframe see a landmark of each of the first ones, as a wrong match would.
+void ShareALandmarkWithEach(KeyframeId newest, RoundDrive& drive) {
+  const Map& map = drive.map();
+  MapEdit edit{.base_version = map.version()};
+  auto first = map.keyframes().begin();
+  int32_t feature_idx = 0;
+  for (const auto& link : map.LandmarksOf(newest)) {
+    if (!link) {
+      const auto& of_first = map.LandmarksOf(first->first);
+      const auto landmark = std::find_if(of_first.begin(), of_first.end(), [&](const auto& other) {
+        return other && map.Find(*other)->observations.back().keyframe_id < newest &&
+               std::none_of(edit.added_observations.begin(), edit.added_observations.end(),
+                            [&](const auto& added) { return added.landmark_id == *other; });
+      });
+      if (landmark != of_first.end()) {
+        edit.added_observations.push_back({**landmark, {newest, feature_idx}});
+      }
+      if ((++first)->first.index > 20) break;
+    }
+    ++feature_idx;
+  }
+  drive.mapper().Apply(edit);
+}
+
+TEST(LoopDetector, ALandmarkInCommonBarsNoPlace) {
+  const Street street = MakeRoundStreet(3, kRoundM);
+  RoundDrive drive(street, {.circumference_m = kRoundM});
+  LoopDetector detector({}, nullptr);
+  std::optional<Loop> loop;
+  for (int i = 0; i < 175 && !loop; ++i) {
+    const auto id = drive.Step();
+    ASSERT_TRUE(id);
+    if (i > 140) ShareALandmarkWithEach(*id, drive);
+    loop = detector.Detect(drive.map(), drive.mapper().rig(), *id);
+  }
+  EXPECT_TRUE(loop);
+}
+
+// Far corners tell how the camera is turned, not where it stands.
+TEST(LoopDetector, FarLandmarksAloneShowNoPlace) {
+  const Street street = MakeRoundStreet(3, 2000);
+  RoundDrive drive(street, {.circumference_m = 2000, .focal_error = 0});
+  KeyframeId newest;
+  for (int i = 0; i < 30; ++i) newest = drive.Step().value();
+  const auto match = [&](double min_depth_m) {
+    auto features = SeeStreet(street, kStreetRig, drive.Truth(12), {}, /*seed=*/99);
+    std::erase_if(features, [&](const Feature& feature) {
+      return !(feature.disparity_px > 0) || kStreetRig.DepthAt(feature.disparity_px) < min_depth_m;
+    });
+    Keyframe keyframe;
+    keyframe.id = {RoundDrive::kDrive, 1000};
+    keyframe.features = std::make_shared<const std::vector<Feature>>(std::move(features));
+    return MatchPlace(drive.map(), kStreetRig, keyframe, {RoundDrive::kDrive, 12}, newest, {});
+  };
+  EXPECT_TRUE(match(0));
+  EXPECT_FALSE(match(40));
+}
+
 TEST(LoopDetector, FindsNoneOnAnOpenRoad) {
   const Street street = MakeRoundStreet(3, 600);
   RoundDrive drive(street, {.circumference_m = 600});
