@@ -33,7 +33,9 @@ UncertainPose AfterMotion(const UncertainPose& before, const Rigid3& camera_from
 WindowEstimator::WindowEstimator(const StereoRig& rig, const WindowEstimatorOptions& options,
                                  const UncertainPose& start)
     : rig_(rig), options_(options), newest_(start) {
-  prior_ = {start.camera_from_base, start.covariance.inverse()};
+  prior_.camera_from_base = start.camera_from_base;
+  prior_.information.topLeftCorner<6, 6>() = start.covariance.inverse();
+  prior_.information(6, 6) = 1 / (options.motion.scale * options.motion.scale);
   frames_.push_back({.camera_from_base = start.camera_from_base});
 }
 
@@ -51,7 +53,7 @@ void WindowEstimator::Add(const Rigid3& camera_from_previous, const Matrix6d& mo
   for (const PoseMeasurement& m : frame.seen.measurements) {
     frame.whitened.push_back(Whiten(options_.noise, m));
   }
-  frame.camera_from_base = frame.camera_from_previous * frames_.back().camera_from_base;
+  frame.camera_from_base = MotionOf(frame) * frames_.back().camera_from_base;
   frames_.push_back(std::move(frame));
   if (frames_.size() > options_.keyframes + 1) MarginalizeOldest();
   Solve();
@@ -99,75 +101,101 @@ Vector6d WindowEstimator::CommonShift(const Frame& frame) const {
   return shift.allFinite() ? shift : common_shift_;
 }
 
+/// As long as it is in the map.
+Rigid3 WindowEstimator::MotionOf(const Frame& frame) const {
+  return {frame.camera_from_previous.rotation, scale_ * frame.camera_from_previous.translation};
+}
+
 void WindowEstimator::AddMotion(size_t idx, Normal& normal) const {
   const Frame& before = frames_[idx - 1];
   const Frame& frame = frames_[idx];
-  const Matrix6d information = frame.motion_covariance.inverse();
-  const Vector6d error =
-      PoseDifference(frame.camera_from_previous * before.camera_from_base, frame.camera_from_base);
-  const Matrix6d jacobian = -AdjointOf(frame.camera_from_previous);  // by the frame before
-  const auto at = static_cast<Eigen::Index>(6 * idx);
-  normal.hessian.block<6, 6>(at, at) += information;
-  normal.hessian.block<6, 6>(at, at - 6) += information * jacobian;
-  normal.hessian.block<6, 6>(at - 6, at) += jacobian.transpose() * information;
-  normal.hessian.block<6, 6>(at - 6, at - 6) += jacobian.transpose() * information * jacobian;
-  normal.gradient.segment<6>(at) += information * error;
-  normal.gradient.segment<6>(at - 6) += jacobian.transpose() * information * error;
+  const Rigid3 motion = MotionOf(frame);
+  const Vector6d error = PoseDifference(motion * before.camera_from_base, frame.camera_from_base);
+  // By the frame before, the frame itself, and the scale.
+  Eigen::Matrix<double, 6, 13> jacobian;
+  jacobian << -AdjointOf(motion), Matrix6d::Identity(), Vector6d::Zero();
+  jacobian.topRightCorner<3, 1>() = -frame.camera_from_previous.translation;
+  const Eigen::Matrix<double, 13, 6> weighted =
+      jacobian.transpose() * frame.motion_covariance.inverse();
+  const Eigen::Matrix<double, 13, 13> hessian = weighted * jacobian;
+  const Eigen::Matrix<double, 13, 1> gradient = weighted * error;
+  const auto at = static_cast<Eigen::Index>(6 * (idx - 1));
+  const Eigen::Index scale = normal.gradient.size() - 1;
+  normal.hessian.block<12, 12>(at, at) += hessian.topLeftCorner<12, 12>();
+  normal.hessian.block<12, 1>(at, scale) += hessian.topRightCorner<12, 1>();
+  normal.hessian.block<1, 12>(scale, at) += hessian.bottomLeftCorner<1, 12>();
+  normal.hessian(scale, scale) += hessian(12, 12);
+  normal.gradient.segment<12>(at) += gradient.head<12>();
+  normal.gradient(scale) += gradient(12);
 }
 
 void WindowEstimator::AddPrior(Normal& normal) const {
-  const Vector6d moved = PoseDifference(prior_.camera_from_base, frames_.front().camera_from_base);
-  normal.hessian.topLeftCorner<6, 6>() += prior_.information;
-  normal.gradient.head<6>() += prior_.gradient + prior_.information * moved;
+  Vector7d moved;
+  moved << PoseDifference(prior_.camera_from_base, frames_.front().camera_from_base),
+      scale_ - prior_.scale;
+  const Vector7d gradient = prior_.gradient + prior_.information * moved;
+  const Eigen::Index scale = normal.gradient.size() - 1;
+  normal.hessian.topLeftCorner<6, 6>() += prior_.information.topLeftCorner<6, 6>();
+  normal.hessian.block<6, 1>(0, scale) += prior_.information.topRightCorner<6, 1>();
+  normal.hessian.block<1, 6>(scale, 0) += prior_.information.bottomLeftCorner<1, 6>();
+  normal.hessian(scale, scale) += prior_.information(6, 6);
+  normal.gradient.head<6>() += gradient.head<6>();
+  normal.gradient(scale) += gradient(6);
 }
 
-/// Of the window's first frames.
-WindowEstimator::Normal WindowEstimator::Linearize(size_t frames) const {
-  const auto size = static_cast<Eigen::Index>(6 * frames);
+/// Of the window's first frames and the motions between them, with what the first `measured` saw.
+WindowEstimator::Normal WindowEstimator::Linearize(size_t frames, size_t measured) const {
+  const auto size = static_cast<Eigen::Index>(6 * frames + 1);
   Normal normal{Eigen::MatrixXd::Zero(size, size), Eigen::VectorXd::Zero(size)};
   AddPrior(normal);
   for (size_t i = 0; i < frames; ++i) {
-    PoseNormal measured;
+    if (i > 0) AddMotion(i, normal);
+    if (i >= measured) continue;
+    PoseNormal seen;
     VisitMeasurements(frames_[i], [&](size_t k, const Eigen::Vector3d& p,
                                       const Eigen::Vector3d& error, double weight) {
-      measured.Add(MakePointTerm(rig_, frames_[i].whitened[k], p, error, weight), p);
+      seen.Add(MakePointTerm(rig_, frames_[i].whitened[k], p, error, weight), p);
     });
     const auto at = static_cast<Eigen::Index>(6 * i);
-    const Matrix6d hessian = measured.hessian.selfadjointView<Eigen::Lower>();
+    const Matrix6d hessian = seen.hessian.selfadjointView<Eigen::Lower>();
     normal.hessian.block<6, 6>(at, at) += hessian;
-    normal.gradient.segment<6>(at) += measured.gradient;
-    if (i > 0) AddMotion(i, normal);
+    normal.gradient.segment<6>(at) += seen.gradient;
   }
   return normal;
 }
 
+/// The scale wanders by a step meanwhile.
 void WindowEstimator::MarginalizeOldest() {
-  // The oldest frame's measurements and its motion to the next.
-  Normal normal = Linearize(1);
-  normal.hessian.conservativeResizeLike(Eigen::MatrixXd::Zero(12, 12));
-  normal.gradient.conservativeResizeLike(Eigen::VectorXd::Zero(12));
-  AddMotion(1, normal);
+  const Normal normal = Linearize(/*frames=*/2, /*measured=*/1);
   const Eigen::LDLT<Matrix6d> oldest(normal.hessian.topLeftCorner<6, 6>());
-  const Matrix6d coupling = normal.hessian.bottomLeftCorner<6, 6>();
+  const Eigen::Matrix<double, 7, 6> coupling = normal.hessian.bottomLeftCorner<7, 6>();
+  const Matrix7d information =
+      normal.hessian.bottomRightCorner<7, 7>() - coupling * oldest.solve(coupling.transpose());
+  const Vector7d gradient =
+      normal.gradient.tail<7>() - coupling * oldest.solve(normal.gradient.head<6>());
+  Matrix7d covariance = information.inverse();
+  const Vector7d mean = -covariance * gradient;
+  covariance(6, 6) += options_.motion.scale_step * options_.motion.scale_step;
   prior_.camera_from_base = frames_[1].camera_from_base;
-  prior_.information =
-      normal.hessian.bottomRightCorner<6, 6>() - coupling * oldest.solve(coupling.transpose());
-  prior_.gradient = normal.gradient.tail<6>() - coupling * oldest.solve(normal.gradient.head<6>());
+  prior_.scale = scale_;
+  prior_.information = covariance.inverse();
+  prior_.gradient = -prior_.information * mean;
   frames_.pop_front();
 }
 
 void WindowEstimator::Solve() {
   const size_t last = frames_.size() - 1;
   for (int i = 0;; ++i) {
-    const Normal normal = Linearize(frames_.size());
+    const Normal normal = Linearize(frames_.size(), frames_.size());
     const Eigen::LDLT<Eigen::MatrixXd> factors(normal.hessian);
     if (i == options_.iterations) {
       Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(normal.gradient.size(), 6);
-      unit.bottomRows<6>().setIdentity();
+      const auto at = static_cast<Eigen::Index>(6 * last);
+      unit.middleRows<6>(at).setIdentity();
       const Eigen::MatrixXd columns = factors.solve(unit);
       common_shift_ = CommonShift(frames_[last]);
       newest_ = {frames_[last].camera_from_base,
-                 columns.bottomRows<6>() + common_shift_ * common_shift_.transpose()};
+                 columns.middleRows<6>(at) + common_shift_ * common_shift_.transpose()};
       return;
     }
     const Eigen::VectorXd step = factors.solve(-normal.gradient);
@@ -175,6 +203,7 @@ void WindowEstimator::Solve() {
       frames_[k].camera_from_base =
           Perturb(frames_[k].camera_from_base, step.segment<6>(static_cast<Eigen::Index>(6 * k)));
     }
+    scale_ += step.tail<1>().value();
     if (step.norm() < 1e-6) i = options_.iterations - 1;
   }
 }

@@ -23,6 +23,9 @@ namespace carmap {
 struct MotionNoise {
   double step_m = 0.004, step_rad = 0.0004;            ///< of each step, however short
   double drift_ratio = 0.006, drift_rad_per_m = 4e-4;  ///< grows with the distance of a step
+  /// Of the scale of all motions together, against the map's: the disparity biases of the rigs that
+  /// drive and mapped differ. Then how far it wanders from keyframe to keyframe.
+  double scale = 0.01, scale_step = 3e-4;
 };
 
 struct WindowEstimatorOptions {
@@ -84,12 +87,17 @@ class WindowEstimator {
     SeenLandmarks seen;
     std::vector<WhitenedMeasurement> whitened;
   };
-  /// What frames that left the window say of its oldest: a quadratic around `camera_from_base`.
+  using Vector7d = Eigen::Matrix<double, 7, 1>;
+  using Matrix7d = Eigen::Matrix<double, 7, 7>;
+  /// What frames that left the window say of its oldest and of the scale: a quadratic around
+  /// `camera_from_base` and `scale`.
   struct Prior {
     Rigid3 camera_from_base;
-    Matrix6d information = Matrix6d::Zero();
-    Vector6d gradient = Vector6d::Zero();
+    double scale = 1;
+    Matrix7d information = Matrix7d::Zero();
+    Vector7d gradient = Vector7d::Zero();
   };
+  /// In the tangents of the frames' poses, the oldest first, and the scale.
   struct Normal {
     Eigen::MatrixXd hessian;
     Eigen::VectorXd gradient;
@@ -100,15 +108,17 @@ class WindowEstimator {
   template <typename Visit>
   void VisitMeasurements(const Frame& frame, Visit&& visit) const;
   Vector6d CommonShift(const Frame& frame) const;
+  Rigid3 MotionOf(const Frame& frame) const;
   void AddMotion(size_t idx, Normal& normal) const;
   void AddPrior(Normal& normal) const;
-  Normal Linearize(size_t frames) const;
+  Normal Linearize(size_t frames, size_t measured) const;
   void Solve();
 
   const StereoRig rig_;
   const WindowEstimatorOptions options_;
   Prior prior_;
   std::deque<Frame> frames_;
+  double scale_ = 1;  ///< of the map by that of the vehicle's own motion
   UncertainPose newest_;
   Vector6d common_shift_ = Vector6d::Zero();  ///< of the last pose that saw enough of the base
 };

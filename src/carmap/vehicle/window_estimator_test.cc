@@ -15,7 +15,7 @@ const StereoRig kRig{{700, 700, 620, 188, 1241, 376}, 0.54};
 class Drive {
  public:
   explicit Drive(uint64_t seed, const WindowEstimatorOptions& options = {})
-      : random_(seed), options_(options) {}
+      : random_(seed), options_(options), scale_(1 + random_.Normal(options.motion.scale)) {}
 
   Rigid3 TruePose() const {
     return Rigid3{RotationExp({0, 0.02 * std::sin(0.1 * z_m_), 0}), {0, 0, z_m_}}.Inverse();
@@ -33,7 +33,7 @@ class Drive {
     z_m_ += step_m;
     const Rigid3 motion = TruePose() * before.Inverse();
     const Matrix6d covariance = MotionCovariance(motion, options_.motion);
-    return Perturb(motion,
+    return Perturb({motion.rotation, scale_ * motion.translation},
                    random_.Tangent(std::sqrt(covariance(0, 0)), std::sqrt(covariance(3, 3))));
   }
   /// What the frame sees of landmarks drawn anew, so that errors of measurements are independent.
@@ -58,6 +58,7 @@ class Drive {
  private:
   TestRandom random_;
   const WindowEstimatorOptions options_;
+  const double scale_;  ///< of the odometry
   double z_m_ = 0;
 };
 
