@@ -16,6 +16,11 @@ constexpr double kNeighbourhoodM = 3, kNeighbourhoodRad = 0.2;
 /// A pose settles when the second search starts so near to the first one's result.
 constexpr double kSettledM = 0.05, kSettledRad = 0.001;
 
+double DistanceBetween(const UncertainPose& a, const UncertainPose& b) {
+  return (a.camera_from_base.Inverse().translation - b.camera_from_base.Inverse().translation)
+      .norm();
+}
+
 }  // namespace
 
 BaseTracker::BaseTracker(const ReconstructedMap& base, const StereoRig& rig,
@@ -39,27 +44,31 @@ VehiclePose BaseTracker::Take(const ExtractedFrame& frame, const TrackedFrame& o
     window_->Add(step->motion, step->covariance, std::move(seen.landmarks));
     dead_reckoned_m_ =
         seen.inliers.empty() ? dead_reckoned_m_ + step->motion.translation.norm() : 0;
+    unclear_m_ += step->motion.translation.norm();
+    if (seen.inliers.size() >= options_.clear_inliers) unclear_m_ = since_last_motion_s_ = 0;
     if (SigmaM(window_->newest().covariance) > options_.max_sigma_m) window_.reset();
   }
   if (step) FollowHypotheses(grid, *step);
-  if (!window_ || dead_reckoned_m_ > options_.search_after_m) {
+  if (!window_ || unclear_m_ > options_.search_after_m) {
     SearchPlaces(grid, frame.gps);
-    if (const Hypothesis* believed = BelievedHypothesis()) {
-      seen.inliers = believed->inliers;
-      Start(*believed);
-    }
+    if (const Hypothesis* believed = BelievedHypothesis()) Believe(*believed, seen);
   } else {
     hypotheses_.clear();
   }
   return Report({}, std::move(seen));
 }
 
-/// By the drive's own tracking; where it was lost, the vehicle is taken to have kept its speed.
+/// By the drive's own tracking; where that was lost or says what no vehicle can do, the vehicle is
+/// taken to have kept its speed.
 std::optional<BaseTracker::Step> BaseTracker::StepOf(const ExtractedFrame& frame,
                                                      const TrackedFrame& own) {
   const double elapsed_s = last_time_ ? frame.timestamp.seconds() - last_time_->seconds() : 0;
   std::optional<Step> step;
-  if (own.camera_from_previous) {
+  since_last_motion_s_ += elapsed_s;
+  const bool is_possible =
+      own.camera_from_previous &&
+      IsPossible(*own.camera_from_previous, own.since_previous_s, since_last_motion_s_);
+  if (is_possible) {
     step = Step{*own.camera_from_previous,
                 MotionCovariance(*own.camera_from_previous, options_.window.motion)};
   } else if (last_motion_s_ > 0) {
@@ -70,11 +79,23 @@ std::optional<BaseTracker::Step> BaseTracker::StepOf(const ExtractedFrame& frame
     step = Step{motion, MotionCovariance(motion, noise)};
   }
   if (own.reference) last_time_ = frame.timestamp;
-  if (own.camera_from_previous) {
+  if (is_possible) {
     last_motion_ = *own.camera_from_previous;
     last_motion_s_ = own.since_previous_s;
+    since_last_motion_s_ = 0;
   }
   return step;
+}
+
+/// Whether a vehicle that moved as the last possible motion says can move so that much later.
+bool BaseTracker::IsPossible(const Rigid3& motion, double interval_s, double elapsed_s) const {
+  if (last_motion_s_ <= 0 || interval_s <= 0) return true;
+  const double speed_m_s = last_motion_.translation.norm() / last_motion_s_;
+  const Eigen::Vector3d change_m_s =
+      motion.translation / interval_s - last_motion_.translation / last_motion_s_;
+  return change_m_s.norm() <= options_.max_acceleration_m_s2 * elapsed_s +
+                                  options_.speed_tolerance_m_s +
+                                  options_.speed_tolerance_ratio * speed_m_s;
 }
 
 const std::vector<uint32_t>& BaseTracker::LandmarksNear(const Rigid3& base_from_camera) {
@@ -159,6 +180,14 @@ std::optional<BaseTracker::Observation> BaseTracker::Observe(const FeatureGrid& 
   return agreeing;
 }
 
+bool BaseTracker::IsFollowed(const std::vector<Hypothesis>& hypotheses,
+                             const UncertainPose& pose) const {
+  return std::any_of(hypotheses.begin(), hypotheses.end(), [&](const Hypothesis& known) {
+    return DistanceBetween(known.pose, pose) < options_.same_place_m;
+  });
+}
+
+/// Those that come together are one: the one followed for longer stays.
 void BaseTracker::FollowHypotheses(const FeatureGrid& grid, const Step& step) {
   std::vector<Hypothesis> followed;
   for (Hypothesis& hypothesis : hypotheses_) {
@@ -174,24 +203,17 @@ void BaseTracker::FollowHypotheses(const FeatureGrid& grid, const Step& step) {
       hypothesis.total_inliers += found->inliers.size();
       ++hypothesis.frames;
     }
-    followed.push_back(std::move(hypothesis));
+    if (!IsFollowed(followed, hypothesis.pose)) followed.push_back(std::move(hypothesis));
   }
   hypotheses_ = std::move(followed);
 }
 
 void BaseTracker::SearchPlaces(const FeatureGrid& grid, const std::optional<GpsFix>& gps) {
   for (PlaceHypothesis& place : search_.Search(grid, rig_, gps)) {
-    const Eigen::Vector3d center = place.camera_from_map.Inverse().translation;
-    const bool is_followed =
-        std::any_of(hypotheses_.begin(), hypotheses_.end(), [&](const Hypothesis& known) {
-          return (known.pose.camera_from_base.Inverse().translation - center).norm() <
-                 options_.same_place_m;
-        });
-    if (is_followed || hypotheses_.size() == options_.max_hypotheses) continue;
+    const UncertainPose pose{place.camera_from_map, WithSharedErrors(place.covariance)};
+    if (IsFollowed(hypotheses_, pose) || hypotheses_.size() == options_.max_hypotheses) continue;
     const size_t inliers = place.inliers.size();
-    hypotheses_.push_back({{place.camera_from_map, WithSharedErrors(place.covariance)},
-                           std::move(place.inliers),
-                           inliers,
+    hypotheses_.push_back({pose, std::move(place.inliers), inliers,
                            /*frames=*/1,
                            /*is_seen=*/true});
   }
@@ -215,10 +237,21 @@ const BaseTracker::Hypothesis* BaseTracker::BelievedHypothesis() const {
   return is_sure && !has_rival ? &*best : nullptr;
 }
 
-void BaseTracker::Start(const Hypothesis& hypothesis) {
-  window_.emplace(rig_, options_.window, hypothesis.pose);
-  dead_reckoned_m_ = 0;
-  hypotheses_.clear();
+/// Goes on from there, unless the vehicle knows better where it is.
+void BaseTracker::Believe(const Hypothesis& hypothesis, Observation& seen) {
+  const bool is_confirmed =
+      window_ && DistanceBetween(hypothesis.pose, window_->newest()) < options_.same_place_m;
+  const bool is_better = static_cast<double>(hypothesis.inliers.size()) >=
+                         options_.min_gain * static_cast<double>(seen.inliers.size());
+  if (!is_confirmed && is_better) {
+    seen.inliers = hypothesis.inliers;
+    window_.emplace(rig_, options_.window, hypothesis.pose);
+    dead_reckoned_m_ = 0;
+  }
+  if (is_confirmed || is_better) {
+    unclear_m_ = 0;
+    hypotheses_.clear();
+  }
 }
 
 /// `step` leads from the window's newest frame to the present one.

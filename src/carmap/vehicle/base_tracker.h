@@ -49,8 +49,14 @@ struct BaseTrackerOptions {
   double min_inlier_share = 0.25;    ///< of the matches
   double max_square_deviation = 60;  ///< from the prediction, in its covariance (6 dof)
 
+  // The vehicle's own motion, which traffic around it can drag along.
+  double max_acceleration_m_s2 = 12;
+  double speed_tolerance_m_s = 0.5, speed_tolerance_ratio = 0.1;  ///< stamps of time are not exact
+
   // Finding the place.
-  double search_after_m = 10;       ///< dead reckoned: then other places are looked for too
+  size_t clear_inliers = 30;        ///< of a clear sight of the base
+  double search_after_m = 10;       ///< without one: then other places are looked for too
+  double min_gain = 1.5;            ///< in inliers, of another place over the present one
   double same_place_m = 1;          ///< nearer two hypotheses are one
   size_t sure_place_inliers = 50;   ///< in one frame: that is a place
   size_t total_place_inliers = 60;  ///< over frames ...
@@ -100,10 +106,13 @@ class BaseTracker {
                     const std::vector<LandmarkMatch>& matches) const;
   const std::vector<uint32_t>& LandmarksNear(const Rigid3& base_from_camera);
 
+  bool IsPossible(const Rigid3& motion, double interval_s, double elapsed_s) const;
+
+  bool IsFollowed(const std::vector<Hypothesis>& hypotheses, const UncertainPose& pose) const;
   void FollowHypotheses(const FeatureGrid& grid, const Step& step);
   void SearchPlaces(const FeatureGrid& grid, const std::optional<GpsFix>& gps);
   const Hypothesis* BelievedHypothesis() const;
-  void Start(const Hypothesis& hypothesis);
+  void Believe(const Hypothesis& hypothesis, Observation& seen);
   VehiclePose Report(const Step& step, Observation seen);
 
   const ReconstructedMap& base_;
@@ -113,10 +122,12 @@ class BaseTracker {
   std::optional<WindowEstimator> window_;
   std::vector<Hypothesis> hypotheses_;
   double dead_reckoned_m_ = 0;
+  double unclear_m_ = 0;  ///< driven since the last clear sight of the base
 
   std::optional<Timestamp> last_time_;  ///< of the last frame that was tracked
-  Rigid3 last_motion_;
-  double last_motion_s_ = 0;  ///< that it took; 0 if there was none
+  Rigid3 last_motion_;                  ///< the last that was possible
+  double last_motion_s_ = 0;            ///< that it took; 0 if there was none
+  double since_last_motion_s_ = 0;      ///< or since the base showed that it went on
 
   Rigid3 neighbourhood_center_;
   std::vector<uint32_t> neighbourhood_;  ///< landmarks around it

@@ -27,6 +27,11 @@ class TestVehicle {
     return Take(world_from_camera, SeeStreet(street, rig_, world_from_camera, noise, ++frames_),
                 /*tracks_itself=*/true);
   }
+  /// What it sees moves along with it: its odometry says that it stands.
+  VehiclePose DriveDragged(const Street& street, const Rigid3& world_from_camera) {
+    last_tracked_->second = world_from_camera;
+    return Drive(street, world_from_camera);
+  }
   /// Its images show nothing.
   VehiclePose DriveBlind(const Rigid3& world_from_camera) {
     return Take(world_from_camera, {}, /*tracks_itself=*/false);
@@ -123,6 +128,19 @@ TEST_F(BaseTrackerTest, KeepsItsSpeedThroughBlackFramesAndThenKnows) {
         is_black ? vehicle.DriveBlind(poses[n]) : vehicle.Drive(street_, poses[n]);
     ASSERT_EQ(pose.known_by, is_black ? KnownBy::kDeadReckoning : KnownBy::kMap) << n;
     EXPECT_LT(PositionError(pose, poses[n]), is_black ? 1.0 : 0.1) << n;
+  }
+}
+
+TEST_F(BaseTrackerTest, IsNotDraggedAlongByTraffic) {
+  TestVehicle vehicle(map_, kStreetRig);
+  const Street traffic = MakeStreet(77, kStreetLengthM);
+  const auto poses = DriveAlong(0, 2, 100, 1);
+  for (size_t n = 0; n < poses.size(); ++n) {
+    const bool is_dragged = n >= 30 && n < 36;
+    const VehiclePose pose = is_dragged ? vehicle.DriveDragged(traffic, poses[n])
+                                        : vehicle.Drive(street_, poses[n]);
+    ASSERT_EQ(pose.known_by, is_dragged ? KnownBy::kDeadReckoning : KnownBy::kMap) << n;
+    EXPECT_LT(PositionError(pose, poses[n]), is_dragged ? 1.0 : 0.1) << n;
   }
 }
 
