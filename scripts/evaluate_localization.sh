@@ -93,9 +93,9 @@ evaluate_baselines() { # SCENE SEED SIZE MAP_TRAFFIC LANE TRAFFIC LIGHT MAP_DRIV
   grep -qxF -e "$1 $4 $5 $6 $7" <<<"${CELLS:-$named_cells}" || return 0
   local trace
   trace="$(make_map "$9")"
-  [[ -s "${11}-by_appearance.json" ]] || "$carmap" evaluate appearance "$9" --map "${10}.cfull" \
+  [[ -s "${11}-by_appearance.json" ]] || "$carmap" evaluate frames "$9" --by appearance --map "${10}.cfull" \
     --map-truth "$8" --report "${11}-by_appearance.json" >&2
-  [[ -s "${11}-by_quicksketch.json" ]] || "$carmap" evaluate appearance "$9" \
+  [[ -s "${11}-by_quicksketch.json" ]] || "$carmap" evaluate frames "$9" --by appearance \
     --trace "$trace.cfull" --map "${10}.cfull" --map-truth "$8" \
     --report "${11}-by_quicksketch.json" >&2
 }

@@ -250,14 +250,35 @@ TEST_F(CliTest, StitchesByAppearanceAlone) {
       "--matching", 2);
 }
 
+TEST_F(CliTest, FindsEachFrameByItself) {
+  const Result found = Run({"evaluate", "frames", "../drive", "--map", "../base.cmap",
+                            "--map-truth", "../drive", "--report", "frames.json"});
+  ASSERT_EQ(found.exit_code, 0) << found.err;
+  const auto report = nlohmann::json::parse(Read(work() / "frames.json"));
+  size_t right = 0;
+  for (const auto& frame : report["frames_detail"]) {
+    right += frame.contains("map_position_error_m") && frame["map_position_error_m"] < 0.5;
+  }
+  EXPECT_GE(right, kFrames - 1);
+  EXPECT_THAT(found.out, HasSubstr(fmt::format("{} within 0.5 m, 0 wrong", right)));
+}
+
 TEST_F(CliTest, FindsFramesByAppearanceAndEvaluatesThem) {
   ASSERT_EQ(Run({"map", "../drive", "--out", "m.cmap", "--full-map", "m.cfull"}).exit_code, 0);
   EXPECT_GT(fs::file_size(work() / "m.cfull"), 5 * fs::file_size(work() / "m.cmap"));
   const std::string cell = "suburb-s1-320x160-map_none-to-lane0-none-sunny";
   const auto find = [&](const std::string& map, const std::string& method) {
-    return std::vector<std::string>{"evaluate", "appearance", "../drive",
-                                    "--map",    map,          "--map-truth",
-                                    "../drive", "--report",   cell + "-by_" + method + ".json"};
+    return std::vector<std::string>{"evaluate",
+                                    "frames",
+                                    "../drive",
+                                    "--by",
+                                    "appearance",
+                                    "--map",
+                                    map,
+                                    "--map-truth",
+                                    "../drive",
+                                    "--report",
+                                    cell + "-by_" + method + ".json"};
   };
   auto trace = find("m.cfull", "quicksketch");
   trace.insert(trace.end(), {"--trace", "m.cfull"});
@@ -304,14 +325,14 @@ TEST_F(CliTest, RefusesReportsAndMapsThatItCannotEvaluate) {
   ExpectRefused({"evaluate", "localization", "none.json"}, "none.json");
   ExpectRefused({"evaluate", "localization", name, "--out", "nowhere"}, "nowhere");
   Write(work() / "m.cfull", "no map");
-  for (const char* command : {"appearance", "matching"}) {
+  for (const char* command : {"frames", "matching"}) {
     ExpectRefused({"evaluate", command, "../drive", "--map", "m.cfull", "--map-truth", "../drive"},
                   "m.cfull");
     ExpectRefused(
         {"evaluate", command, "../drive", "--map", "../base.cmap", "--map-truth", "nowhere"},
         "nowhere");
   }
-  ExpectRefused({"evaluate", "appearance", "../drive", "--map", "../base.cmap", "--map-truth",
+  ExpectRefused({"evaluate", "frames", "../drive", "--map", "../base.cmap", "--map-truth",
                  "../drive", "--trace", "m.cfull"},
                 "m.cfull");
 }

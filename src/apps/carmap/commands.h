@@ -26,7 +26,7 @@ void AddEvaluateCommand(CLI::App& app, Command& chosen);
 void AddVocabularyCommand(CLI::App& app, Command& chosen);
 
 /// To `carmap evaluate`.
-void AddEvaluateAppearance(CLI::App& evaluate, Command& chosen);
+void AddEvaluateFrames(CLI::App& evaluate, Command& chosen);
 void AddEvaluateLocalization(CLI::App& evaluate, Command& chosen);
 void AddEvaluateMatching(CLI::App& evaluate, Command& chosen);
 void AddEvaluatePlaces(CLI::App& evaluate, Command& chosen);

@@ -1,6 +1,8 @@
 #include <fmt/format.h>
 
 #include <CLI/App.hpp>
+#include <algorithm>
+#include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -19,22 +21,24 @@
 #include "carmap/base/summary.h"
 #include "carmap/eval/full_map.h"
 #include "carmap/feature/default_vocabulary.h"
+#include "carmap/feature/feature_grid.h"
 #include "carmap/feature/stereo_features.h"
 #include "carmap/format/lean_codec.h"
 #include "carmap/index/reconstruct.h"
 #include "carmap/localize/appearance_localizer.h"
+#include "carmap/localize/place_search.h"
 #include "carmap/slam/frame_extraction.h"
 
 namespace carmap {
 namespace {
 
 struct Arguments {
-  std::string drive, trace, map, map_truth, report;
+  std::string drive, trace, map, map_truth, report, by = "place-search";
 };
 
-/// A full or a lean map, as appearance knows both.
+/// A full or a lean map.
 struct SearchedMap {
-  MapSnapshot snapshot;
+  ReconstructedMap map;
   LeanMap keyframes;  ///< without landmarks, if it is a full map
   size_t bytes = 0;
 };
@@ -42,50 +46,83 @@ struct SearchedMap {
 absl::StatusOr<SearchedMap> ReadMap(const std::string& path, const StereoRig& rig) {
   CARMAP_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, kMaxFullMapBytes));
   const auto full = DecodeFullMap(bytes, path);
-  if (full.ok()) return SearchedMap{SnapshotOf(*full), KeyframesOf(*full), bytes.size()};
+  if (full.ok()) {
+    return SearchedMap{IndexSnapshot(SnapshotOf(*full), rig.camera.fx), KeyframesOf(*full),
+                       bytes.size()};
+  }
   if (!absl::IsInvalidArgument(full.status())) return full.status();
   CARMAP_ASSIGN_OR_RETURN(LeanMap lean, DecodeLeanMap(bytes, path));
-  MapSnapshot snapshot = Reconstruct(lean, rig.camera.fx).snapshot;
-  return SearchedMap{std::move(snapshot), std::move(lean), bytes.size()};
+  ReconstructedMap map = Reconstruct(lean, rig.camera.fx);
+  return SearchedMap{std::move(map), std::move(lean), bytes.size()};
+}
+
+/// How a frame is looked for.
+using FindFrame =
+    std::function<std::optional<Rigid3>(const std::vector<Feature>&, const std::optional<GpsFix>&)>;
+
+FindFrame ByAppearance(const SearchedMap& map, const StereoRig& rig) {
+  const auto localizer =
+      std::make_shared<const AppearanceLocalizer>(map.map.snapshot, DefaultVocabulary());
+  return [rig, localizer](const std::vector<Feature>& features,
+                          const std::optional<GpsFix>&) -> std::optional<Rigid3> {
+    const auto pose = localizer->Localize(features, rig);
+    if (!pose) return std::nullopt;
+    return pose->camera_from_map;
+  };
+}
+
+FindFrame ByPlaceSearch(const SearchedMap& map, const StereoRig& rig) {
+  const auto search = std::make_shared<PlaceSearch>(
+      map.map,
+      std::shared_ptr<const Vocabulary>(std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()));
+  return [rig, search](const std::vector<Feature>& features,
+                       const std::optional<GpsFix>& gps) -> std::optional<Rigid3> {
+    search->Forget();
+    const FeatureGrid grid(features, rig.camera.width, rig.camera.height);
+    const std::vector<PlaceHypothesis> places = search->Search(grid, rig, gps);
+    if (places.empty()) return std::nullopt;
+    return places.front().camera_from_map;
+  };
 }
 
 /// Finds frames one by one and writes down how far off they are.
 class FrameFinder {
  public:
-  FrameFinder(const SearchedMap& map, const StereoRig& rig, const EvaluatedMap& evaluated)
-      : rig_(rig), evaluated_(evaluated), localizer_(map.snapshot, DefaultVocabulary()) {}
+  FrameFinder(FindFrame find, const EvaluatedMap& evaluated)
+      : find_(std::move(find)), evaluated_(evaluated) {}
 
-  void Find(uint32_t index, const std::vector<Feature>& features,
+  void Find(uint32_t index, const std::vector<Feature>& features, const std::optional<GpsFix>& gps,
             const std::optional<Rigid3>& world_from_camera) {
     if (!world_from_camera) return;
     const Stopwatch watch;
-    const auto pose = localizer_.Localize(features, rig_);
+    const auto camera_from_map = find_(features, gps);
     nlohmann::ordered_json& frame = frames_.emplace_back();
-    frame = {{"index", index}, {"known_by", pose ? "map" : "lost"}, {"ms", watch.ElapsedMs()}};
-    if (!pose) return;
-    AddErrors(evaluated_, pose->camera_from_map.Inverse(), *world_from_camera, frame);
-    frame["inliers"] = pose->inliers.size();
-    errors_m_.push_back(frame["position_error_m"]);
+    frame = {{"index", index},
+             {"known_by", camera_from_map ? "map" : "lost"},
+             {"ms", watch.ElapsedMs()}};
+    if (!camera_from_map) return;
+    AddErrors(evaluated_, camera_from_map->Inverse(), *world_from_camera, frame);
+    errors_m_.push_back(frame["map_position_error_m"]);
   }
 
   const nlohmann::ordered_json& frames() const { return frames_; }
+  /// Against the map's own trajectory.
   const std::vector<double>& errors_m() const { return errors_m_; }
 
  private:
-  const StereoRig rig_;
+  const FindFrame find_;
   const EvaluatedMap& evaluated_;
-  const AppearanceLocalizer localizer_;
   nlohmann::ordered_json frames_ = nlohmann::ordered_json::array();
   std::vector<double> errors_m_;
 };
 
-/// Each frame of the drive, as ORB-SLAM2 would relocalize it.
+/// Each frame of the drive.
 void FindFrames(KittiDrive& drive, FrameFinder& finder) {
   FrameExtraction frames(drive, {}, /*sequential=*/false);
   Progress progress("localizing", drive.size());
   for (size_t n = 0; const auto frame = frames.Next(); ++n) {
     finder.Find(frame->index, frame->features ? *frame->features : std::vector<Feature>(),
-                drive.truth()[n].world_from_camera);
+                frame->gps, drive.truth()[n].world_from_camera);
     progress.Update(n + 1);
   }
 }
@@ -103,7 +140,7 @@ absl::Status FindTrace(const std::string& path, const KittiDrive& drive, FrameFi
     const FullKeyframe& keyframe = trace.keyframes[k];
     std::vector<Feature> features;
     for (const FullFeature& full : keyframe.features) features.push_back(full.feature);
-    finder.Find(keyframe.index, features,
+    finder.Find(keyframe.index, features, std::nullopt,
                 keyframe.index < drive.truth().size()
                     ? drive.truth()[keyframe.index].world_from_camera
                     : std::nullopt);
@@ -112,7 +149,20 @@ absl::Status FindTrace(const std::string& path, const KittiDrive& drive, FrameFi
   return absl::OkStatus();
 }
 
-absl::StatusOr<ExitCode> EvaluateAppearance(const Arguments& arguments) {
+void PrintSummary(const FrameFinder& finder) {
+  constexpr double kRightM = 0.5, kWrongM = 2;
+  const std::vector<double>& errors_m = finder.errors_m();
+  const auto within = [&](double bound_m) {
+    return std::count_if(errors_m.begin(), errors_m.end(),
+                         [&](double error_m) { return error_m <= bound_m; });
+  };
+  fmt::print("found         {} of {}: {} within {} m, {} wrong by more than {} m\n",
+             errors_m.size(), Count(finder.frames().size(), "frame"), within(kRightM), kRightM,
+             static_cast<ptrdiff_t>(errors_m.size()) - within(kWrongM), kWrongM);
+  fmt::print("position      {} m off\n", ToText(Summarize(errors_m), 3));
+}
+
+absl::StatusOr<ExitCode> EvaluateFrames(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   inputs.push_back(arguments.map);
   if (!arguments.trace.empty()) inputs.push_back(arguments.trace);
@@ -122,7 +172,9 @@ absl::StatusOr<ExitCode> EvaluateAppearance(const Arguments& arguments) {
   CARMAP_ASSIGN_OR_RETURN(const SearchedMap map, ReadMap(arguments.map, feature_rig));
   CARMAP_ASSIGN_OR_RETURN(const EvaluatedMap evaluated,
                           AlignToTruth(map.keyframes, arguments.map, arguments.map_truth));
-  FrameFinder finder(map, AsMapped(feature_rig, map.keyframes), evaluated);
+  const StereoRig rig = AsMapped(feature_rig, map.keyframes);
+  FrameFinder finder(
+      arguments.by == "appearance" ? ByAppearance(map, rig) : ByPlaceSearch(map, rig), evaluated);
   if (arguments.trace.empty()) {
     FindFrames(*drive, finder);
   } else {
@@ -131,17 +183,15 @@ absl::StatusOr<ExitCode> EvaluateAppearance(const Arguments& arguments) {
   CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, {{"frames", finder.frames().size()},
                                                         {"map_bytes", map.bytes},
                                                         {"frames_detail", finder.frames()}}));
-  fmt::print("found         {} of {}\n", finder.errors_m().size(),
-             Count(finder.frames().size(), "frame"));
-  fmt::print("position      {} m off\n", ToText(Summarize(finder.errors_m()), 3));
+  PrintSummary(finder);
   return kSuccess;
 }
 
 }  // namespace
 
-void AddEvaluateAppearance(CLI::App& evaluate, Command& chosen) {
+void AddEvaluateFrames(CLI::App& evaluate, Command& chosen) {
   CLI::App* command = evaluate.add_subcommand(
-      "appearance", "Find a drive's frames in a map by appearance alone, to compare");
+      "frames", "Find each frame of a drive in a map by itself, in the ways to compare");
   const auto arguments = std::make_shared<Arguments>();
   command->add_option("DRIVE", arguments->drive, "Folder of the drive, with poses.txt")->required();
   command
@@ -152,6 +202,13 @@ void AddEvaluateAppearance(CLI::App& evaluate, Command& chosen) {
       ->required()
       ->type_name("DRIVE");
   command
+      ->add_option(
+          "--by", arguments->by,
+          "place-search: GPS, words, size and position, as `carmap localize` looks for its "
+          "place; appearance: words and descriptors alone")
+      ->check(CLI::IsMember({"place-search", "appearance"}))
+      ->capture_default_str();
+  command
       ->add_option("--trace", arguments->trace,
                    "The full map of DRIVE: look for its keyframes instead of all frames")
       ->type_name("F.cfull");
@@ -161,16 +218,20 @@ void AddEvaluateAppearance(CLI::App& evaluate, Command& chosen) {
           "Write each frame's errors as JSON, as `carmap evaluate localization` reads them")
       ->type_name("R.json");
   command->footer(
-      R"(The baselines of the paper. Each frame by itself, without GPS: keyframes that resemble it by words, the
-landmarks of one of them at a time matched by descriptor, PnP, and a guided search. All frames in a
-full map is ORB-SLAM2's way, a trace in a full map QuickSketch's.
+      R"(Each frame by itself, as if nothing were known of the frames before it.
+
+By place-search the best hypothesis is taken, however weak; `carmap localize` believes one only if it agrees
+with the vehicle's motion. By appearance the paper's baselines: keyframes that resemble the frame by words,
+the landmarks of one of them at a time matched by descriptor, PnP, and a guided search, without GPS. All
+frames in a full map is ORB-SLAM2's way, a trace in a full map QuickSketch's.
 
 Example:
-  carmap evaluate appearance busy --map empty.cfull --map-truth empty --report R.json
+  carmap evaluate frames busy --map empty.cmap --map-truth empty
+  carmap evaluate frames busy --by appearance --map empty.cfull --map-truth empty --report R.json
 
 Exit codes: 0 measured, whatever the result, 1 error, 2 wrong usage)");
   command->callback(
-      [arguments, &chosen] { chosen = [arguments] { return EvaluateAppearance(*arguments); }; });
+      [arguments, &chosen] { chosen = [arguments] { return EvaluateFrames(*arguments); }; });
 }
 
 }  // namespace carmap
