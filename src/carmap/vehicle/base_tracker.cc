@@ -45,7 +45,10 @@ VehiclePose BaseTracker::Take(const ExtractedFrame& frame, const TrackedFrame& o
     dead_reckoned_m_ =
         seen.inliers.empty() ? dead_reckoned_m_ + step->motion.translation.norm() : 0;
     unclear_m_ += step->motion.translation.norm();
-    if (seen.inliers.size() >= options_.clear_inliers) unclear_m_ = since_last_motion_s_ = 0;
+    if (seen.inliers.size() >= options_.clear_inliers) {
+      unclear_m_ = 0;
+      motion_known_at_s_ = frame.timestamp.seconds();
+    }
     if (SigmaM(window_->newest().covariance) > options_.max_sigma_m) window_.reset();
   }
   if (step) FollowHypotheses(grid, *step);
@@ -64,11 +67,12 @@ std::optional<BaseTracker::Step> BaseTracker::StepOf(const ExtractedFrame& frame
                                                      const TrackedFrame& own) {
   const double elapsed_s = last_time_ ? frame.timestamp.seconds() - last_time_->seconds() : 0;
   std::optional<Step> step;
-  since_last_motion_s_ += elapsed_s;
-  const bool is_possible =
-      own.camera_from_previous &&
-      IsPossible(*own.camera_from_previous, own.since_previous_s, since_last_motion_s_);
-  if (is_possible) {
+  const bool is_steady =
+      own.camera_from_previous && IsPossible(*own.camera_from_previous, own.since_previous_s,
+                                             frame.timestamp.seconds() - motion_known_at_s_);
+  const bool is_believed =
+      own.camera_from_previous && (is_steady || steady_motions_ < options_.steady_motions);
+  if (is_believed) {
     step = Step{*own.camera_from_previous,
                 MotionCovariance(*own.camera_from_previous, options_.window.motion)};
   } else if (last_motion_s_ > 0) {
@@ -79,10 +83,11 @@ std::optional<BaseTracker::Step> BaseTracker::StepOf(const ExtractedFrame& frame
     step = Step{motion, MotionCovariance(motion, noise)};
   }
   if (own.reference) last_time_ = frame.timestamp;
-  if (is_possible) {
+  if (is_believed) {
+    steady_motions_ = is_steady ? steady_motions_ + 1 : 1;
     last_motion_ = *own.camera_from_previous;
     last_motion_s_ = own.since_previous_s;
-    since_last_motion_s_ = 0;
+    motion_known_at_s_ = frame.timestamp.seconds();
   }
   return step;
 }

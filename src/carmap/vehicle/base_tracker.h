@@ -50,6 +50,7 @@ struct BaseTrackerOptions {
   double max_square_deviation = 60;  ///< from the prediction, in its covariance (6 dof)
 
   // The vehicle's own motion, which traffic around it can drag along.
+  size_t steady_motions = 5;  ///< in a row, after which another must be possible to be believed
   double max_acceleration_m_s2 = 12;
   double speed_tolerance_m_s = 0.5, speed_tolerance_ratio = 0.1;  ///< stamps of time are not exact
 
@@ -125,9 +126,10 @@ class BaseTracker {
   double unclear_m_ = 0;  ///< driven since the last clear sight of the base
 
   std::optional<Timestamp> last_time_;  ///< of the last frame that was tracked
-  Rigid3 last_motion_;                  ///< the last that was possible
+  Rigid3 last_motion_;                  ///< the last that was believed
   double last_motion_s_ = 0;            ///< that it took; 0 if there was none
-  double since_last_motion_s_ = 0;      ///< or since the base showed that it went on
+  size_t steady_motions_ = 0;           ///< in a row
+  double motion_known_at_s_ = 0;  ///< then it was believed, or the base showed that it went on
 
   Rigid3 neighbourhood_center_;
   std::vector<uint32_t> neighbourhood_;  ///< landmarks around it
