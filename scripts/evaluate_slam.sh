@@ -169,8 +169,8 @@ evaluate_path() { # PATH
   map_drive "$out/$name" "${name}_open" --no-loops
   map_drive "$out/$name" "${name}_closed"
   map_drive "$drive" "${name}_gps"
-  header "path, $size" how tracked "path m" returns loops "closed after frames" false rejected "ATE m" "t_rel %" \
-    "on Earth m, mean" max "ms a frame, median" p99 "peak MB"
+  header "path, $size" how tracked "path m" returns loops "closed after frames" false rejected \
+    "ATE m" "t_rel %" "on Earth m, mean" max "ms a frame, median" p99 "peak MB"
   row "$path" "$drive" "loops left open" "$out/${name}_open.json"
   row "$path" "$drive" "loops closed" "$out/${name}_closed.json"
   row "$path" "$drive" "loops closed, GPS" "$out/${name}_gps.json"

@@ -192,7 +192,7 @@ const char* WordOf(KnownBy known_by) {
 }
 
 /// Root of the mean squared error of the position that the covariance states.
-double SigmaM(const UncertainPose& pose) {
+double StatedErrorM(const UncertainPose& pose) {
   return std::sqrt(pose.covariance.topLeftCorner<3, 3>().trace());
 }
 
@@ -211,7 +211,7 @@ nlohmann::ordered_json DetailOf(const FrameResult& frame) {
   json["dead_reckoned_m"] = frame.pose.dead_reckoned_m;
   json["inliers"] = frame.pose.inliers.size();
   json["ms"] = frame.frame_ms;
-  if (frame.pose.pose) json["sigma_m"] = SigmaM(*frame.pose.pose);
+  if (frame.pose.pose) json["sigma_m"] = StatedErrorM(*frame.pose.pose);
   return json;
 }
 

@@ -17,7 +17,8 @@ constexpr double kRoundM = 240;
 class LoopCorrectionTest : public ::testing::Test {
  protected:
   LoopCorrectionTest() : drive_(street_, {.circumference_m = kRoundM}), map_(drive_.map()) {
-    LoopDetector detector({}, nullptr);
+    // Far more than it takes: the newest keyframe is to have much of the place in view.
+    LoopDetector detector({.min_chain_inliers = 600}, nullptr);
     for (int i = 0; i < 175 && !loop_; ++i) {
       newest_ = drive_.Step().value();
       loop_ = detector.Detect(drive_.map(), drive_.mapper().rig(), newest_);
@@ -92,7 +93,9 @@ TEST_F(LoopCorrectionTest, LandmarksSeenTwiceBecomeOne) {
   ASSERT_TRUE(Apply(fused, map_).ok());
   ASSERT_TRUE(CheckConsistency(map_).ok()) << CheckConsistency(map_);
   const size_t shared = SharedLandmarks(match.keyframe_id, match.place_id);
+  EXPECT_GT(shared, 100u);
   EXPECT_GT(shared, static_cast<size_t>(match.inlier_count) * 8 / 10) << match.inlier_count;
+  EXPECT_LT(map_.landmarks().size() + 100, before);
   EXPECT_LE(map_.landmarks().size() + shared, before);
 }
 

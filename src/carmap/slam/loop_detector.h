@@ -61,9 +61,10 @@ struct LoopDetectorOptions {
 /// A keyframe as seen from an earlier place.
 struct LoopMatch {
   KeyframeId keyframe_id, place_id;
-  Rigid3 keyframe_from_place;              ///< between the two cameras
-  Rigid3 map_from_keyframe;                ///< where the place's landmarks say that the keyframe is
-  Eigen::Matrix<double, 6, 6> covariance;  ///< of either pose, in the tangent of the keyframe
+  Rigid3 keyframe_from_place;  ///< between the two cameras
+  Rigid3 map_from_keyframe;    ///< where the place's landmarks say that the keyframe is
+  /// Of either pose, in the tangent of the keyframe.
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   int inlier_count = 0;
   double seen_share = 0;
 };

@@ -101,6 +101,19 @@ Vector6d WindowEstimator::CommonShift(const Frame& frame) const {
   return shift.allFinite() ? shift : common_shift_;
 }
 
+/// Adds what depends on poses from frame `first` on and on the scale, its last variable.
+void WindowEstimator::AddTerm(size_t first, const Eigen::MatrixXd& hessian,
+                              const Eigen::VectorXd& gradient, Normal& normal) {
+  const auto at = static_cast<Eigen::Index>(6 * first);
+  const Eigen::Index scale = normal.gradient.size() - 1, poses = gradient.size() - 1;
+  normal.hessian.block(at, at, poses, poses) += hessian.topLeftCorner(poses, poses);
+  normal.hessian.block(at, scale, poses, 1) += hessian.topRightCorner(poses, 1);
+  normal.hessian.block(scale, at, 1, poses) += hessian.bottomLeftCorner(1, poses);
+  normal.hessian(scale, scale) += hessian(poses, poses);
+  normal.gradient.segment(at, poses) += gradient.head(poses);
+  normal.gradient(scale) += gradient(poses);
+}
+
 /// As long as it is in the map.
 Rigid3 WindowEstimator::MotionOf(const Frame& frame) const {
   return {frame.camera_from_previous.rotation, scale_ * frame.camera_from_previous.translation};
@@ -117,30 +130,14 @@ void WindowEstimator::AddMotion(size_t idx, Normal& normal) const {
   jacobian.topRightCorner<3, 1>() = -frame.camera_from_previous.translation;
   const Eigen::Matrix<double, 13, 6> weighted =
       jacobian.transpose() * frame.motion_covariance.inverse();
-  const Eigen::Matrix<double, 13, 13> hessian = weighted * jacobian;
-  const Eigen::Matrix<double, 13, 1> gradient = weighted * error;
-  const auto at = static_cast<Eigen::Index>(6 * (idx - 1));
-  const Eigen::Index scale = normal.gradient.size() - 1;
-  normal.hessian.block<12, 12>(at, at) += hessian.topLeftCorner<12, 12>();
-  normal.hessian.block<12, 1>(at, scale) += hessian.topRightCorner<12, 1>();
-  normal.hessian.block<1, 12>(scale, at) += hessian.bottomLeftCorner<1, 12>();
-  normal.hessian(scale, scale) += hessian(12, 12);
-  normal.gradient.segment<12>(at) += gradient.head<12>();
-  normal.gradient(scale) += gradient(12);
+  AddTerm(idx - 1, weighted * jacobian, weighted * error, normal);
 }
 
 void WindowEstimator::AddPrior(Normal& normal) const {
   Vector7d moved;
   moved << PoseDifference(prior_.camera_from_base, frames_.front().camera_from_base),
       scale_ - prior_.scale;
-  const Vector7d gradient = prior_.gradient + prior_.information * moved;
-  const Eigen::Index scale = normal.gradient.size() - 1;
-  normal.hessian.topLeftCorner<6, 6>() += prior_.information.topLeftCorner<6, 6>();
-  normal.hessian.block<6, 1>(0, scale) += prior_.information.topRightCorner<6, 1>();
-  normal.hessian.block<1, 6>(scale, 0) += prior_.information.bottomLeftCorner<1, 6>();
-  normal.hessian(scale, scale) += prior_.information(6, 6);
-  normal.gradient.head<6>() += gradient.head<6>();
-  normal.gradient(scale) += gradient(6);
+  AddTerm(0, prior_.information, prior_.gradient + prior_.information * moved, normal);
 }
 
 /// Of the window's first frames and the motions between them, with what the first `measured` saw.

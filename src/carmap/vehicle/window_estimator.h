@@ -109,6 +109,8 @@ class WindowEstimator {
   void VisitMeasurements(const Frame& frame, Visit&& visit) const;
   Vector6d CommonShift(const Frame& frame) const;
   Rigid3 MotionOf(const Frame& frame) const;
+  static void AddTerm(size_t first, const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient,
+                      Normal& normal);
   void AddMotion(size_t idx, Normal& normal) const;
   void AddPrior(Normal& normal) const;
   Normal Linearize(size_t frames, size_t measured) const;
