@@ -159,6 +159,7 @@ void PrintSummary(const FrameFinder& finder) {
   fmt::print("found         {} of {}: {} within {} m, {} wrong by more than {} m\n",
              errors_m.size(), Count(finder.frames().size(), "frame"), within(kRightM), kRightM,
              static_cast<ptrdiff_t>(errors_m.size()) - within(kWrongM), kWrongM);
+  if (errors_m.empty()) return;
   fmt::print("position      {} m off\n", ToText(Summarize(errors_m), 3));
 }
 
