@@ -162,13 +162,27 @@ absl::Status CheckSize(const fs::path& path, ImageSize size) {
 }
 
 /// Empty when the decoder gives up.
-cv::Mat Decode(std::string& bytes) {
+cv::Mat Decode(std::string& bytes, int flags) {
   try {
     const cv::Mat encoded(1, static_cast<int>(bytes.size()), CV_8UC1, bytes.data());
-    return cv::imdecode(encoded, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+    return cv::imdecode(encoded, flags);
   } catch (const cv::Exception&) {
     return {};
   }
+}
+
+/// In the form that `flags` ask the decoder for.
+absl::StatusOr<cv::Mat> ReadImage(const fs::path& path, int flags) {
+  absl::StatusOr<std::string> bytes = ReadFile(path, kMaxFileBytes);
+  if (!bytes.ok()) return bytes.status();
+  CARMAP_ASSIGN_OR_RETURN(const ImageSize size, Examine(path, *bytes));
+  CARMAP_RETURN_IF_ERROR(CheckSize(path, size));
+  cv::Mat image = Decode(*bytes, flags);
+  if (image.cols != static_cast<int>(size.width) || image.rows != static_cast<int>(size.height)) {
+    return absl::DataLossError(fmt::format(
+        "{}: the image is damaged and cannot be decoded; copy it again", path.string()));
+  }
+  return image;
 }
 
 }  // namespace
@@ -179,16 +193,14 @@ bool HasImageExtension(const fs::path& path) {
 }
 
 absl::StatusOr<cv::Mat> ReadGreyImage(const fs::path& path) {
-  absl::StatusOr<std::string> bytes = ReadFile(path, kMaxFileBytes);
-  if (!bytes.ok()) return bytes.status();
-  CARMAP_ASSIGN_OR_RETURN(const ImageSize size, Examine(path, *bytes));
-  CARMAP_RETURN_IF_ERROR(CheckSize(path, size));
-  cv::Mat image = Decode(*bytes);
-  if (image.cols != static_cast<int>(size.width) || image.rows != static_cast<int>(size.height)) {
-    return absl::DataLossError(fmt::format(
-        "{}: the image is damaged and cannot be decoded; copy it again", path.string()));
-  }
-  return image;
+  return ReadImage(path, cv::IMREAD_GRAYSCALE | cv::IMREAD_IGNORE_ORIENTATION);
+}
+
+absl::StatusOr<cv::Mat> ReadIndexImage(const fs::path& path) {
+  CARMAP_ASSIGN_OR_RETURN(cv::Mat image, ReadImage(path, cv::IMREAD_UNCHANGED));
+  if (image.type() == CV_8UC1) return image;
+  return absl::InvalidArgumentError(
+      fmt::format("{}: is not 8-bit grey; write one number of 8 bits a pixel", path.string()));
 }
 
 bool HaveSamePixels(const cv::Mat& a, const cv::Mat& b) {

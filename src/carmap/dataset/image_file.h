@@ -19,6 +19,10 @@ bool HasImageExtension(const std::filesystem::path& path);
 /// outside 64×32 to 16384×16384 px).
 absl::StatusOr<cv::Mat> ReadGreyImage(const std::filesystem::path& path);
 
+/// As ReadGreyImage, for images whose values are not brightness: they are never converted, so
+/// InvalidArgument too where pixels are not single 8-bit numbers.
+absl::StatusOr<cv::Mat> ReadIndexImage(const std::filesystem::path& path);
+
 /// Two grey images of the same size, equal in each pixel: what a frozen camera gives, and no other.
 bool HaveSamePixels(const cv::Mat& a, const cv::Mat& b);
 

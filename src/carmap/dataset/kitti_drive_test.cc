@@ -139,6 +139,22 @@ TEST_F(KittiDriveTest, ReadsColourSixteenBitJpegAndPgm) {
   }
 }
 
+TEST_F(KittiDriveTest, ReadsIndexImagesAsTheyAreOrNotAtAll) {
+  cv::Mat colour, deep;
+  cv::merge(std::vector<cv::Mat>(3, Noise(0)), colour);
+  Noise(0).convertTo(deep, CV_16U);
+  cv::imwrite(drive_ / "index.png", Noise(0));
+  cv::imwrite(drive_ / "colour.png", colour);
+  cv::imwrite(drive_ / "deep.png", deep);
+  const auto index = ReadIndexImage(drive_ / "index.png");
+  ASSERT_TRUE(index.ok()) << index.status();
+  EXPECT_TRUE(HaveSamePixels(*index, Noise(0)));
+  for (const char* name : {"colour.png", "deep.png"}) {
+    EXPECT_THAT(std::string(ReadIndexImage(drive_ / name).status().message()),
+                AllOf(HasSubstr(name), HasSubstr("is not 8-bit grey; ")));
+  }
+}
+
 TEST_F(KittiDriveTest, OrdersNamesWithoutLeadingZeros) {
   for (const int side : {0, 1}) {
     const fs::path folder = ImagePath(side, 0).parent_path();
