@@ -24,7 +24,7 @@ set_target_properties(rapidcheck PROPERTIES
 # Debian's OpenCVConfig.cmake comes only with the package of all modules, which draws in VTK and Qt;
 # the modules needed are found one by one.
 find_path(OPENCV_INCLUDE_DIR opencv2/core.hpp PATH_SUFFIXES opencv4 REQUIRED)
-foreach(module core imgproc imgcodecs features2d calib3d)
+foreach(module core imgproc imgcodecs features2d calib3d dnn)
   find_library(OPENCV_${module}_LIBRARY opencv_${module} REQUIRED)
   add_library(opencv_${module} UNKNOWN IMPORTED)
   set_target_properties(opencv_${module} PROPERTIES

@@ -9,7 +9,7 @@ build_packages=(
   g++ cmake ninja-build ccache pkg-config
   libeigen3-dev libceres-dev libnanoflann-dev libgeographiclib-dev
   libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev
-  libopencv-features2d-dev libopencv-calib3d-dev
+  libopencv-features2d-dev libopencv-calib3d-dev libopencv-dnn-dev
   libhwy-dev libtbb-dev libembree-dev libabsl-dev libfmt-dev libcli11-dev nlohmann-json3-dev
   libzstd-dev libxxhash-dev
   libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev
