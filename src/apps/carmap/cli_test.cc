@@ -480,6 +480,68 @@ TEST_F(CliTest, RefusesDrivesThatItCannotCompare) {
 
 // Wrong usage.
 
+/// Labels of some frames: road, and a car of 80 columns from column `car_px` on. Frame 0 has none.
+void WriteLabels(const fs::path& folder, int frames, int car_px) {
+  fs::create_directories(folder);
+  for (int frame = 1; frame < frames; ++frame) {
+    cv::Mat labels(160, 320, CV_8UC1, cv::Scalar(0));
+    labels.colRange(car_px, car_px + 80).setTo(13);
+    cv::imwrite((folder / fmt::format("{:06}.png", frame)).string(), labels);
+  }
+}
+
+TEST_F(CliTest, MeasuresHowWellSegmentersTellStaticFromNonStatic) {
+  CopyTestDrive(1, 4, work() / "drive");
+  WriteLabels(work() / "drive/labels", 4, 120);
+  WriteLabels(work() / "shifted", 4, 140);
+  const Result result = Run({"evaluate", "segmentation", "drive", "--segmenter", "labels",
+                             "--segmenter", "shifted", "--report", "r.json", "--picture", "p.png"});
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, AllOf(testing::ContainsRegex("labels +100.0 +100.0 +100.0 +100.0"),
+                                testing::ContainsRegex("shifted +87.5 +84.6 +60.0"),
+                                HasSubstr("3 frames with labels")));
+  const nlohmann::json json = ReadJson("r.json");
+  EXPECT_EQ(json["frames"], 3);
+  ASSERT_EQ(json["segmenters"].size(), 2u);
+  const nlohmann::json &truth = json["segmenters"][0], &shifted = json["segmenters"][1];
+  EXPECT_EQ(truth["segmenter"], "labels");
+  EXPECT_EQ(truth["features"]["non_static_found"], 1);
+  EXPECT_EQ(truth["features"]["static_called_non_static"], 0);
+  EXPECT_EQ(shifted["pixels"]["accuracy"], 0.875);
+  EXPECT_EQ(shifted["pixels"]["non_static_iou"], 0.6);
+  EXPECT_EQ(shifted["features"]["static"], truth["features"]["static"]);
+  EXPECT_NEAR(shifted["features"]["non_static_found"].get<double>(), 0.75, 0.2);
+  EXPECT_NEAR(shifted["features"]["static_called_non_static"].get<double>(), 20. / 240, 0.06);
+  const cv::Mat picture = cv::imread((work() / "p.png").string());
+  EXPECT_GT(picture.rows, 2 * 4 * 160) << "one above the other";
+
+  const Result every =
+      Run({"evaluate", "segmentation", "drive", "--segmenter", "labels", "--every", "3"});
+  EXPECT_THAT(every.out, HasSubstr("1 frame with labels"));
+}
+
+TEST_F(CliTest, RefusesSegmentersAndLabelsThatItCannotEvaluate) {
+  const std::vector<std::string> command = {"evaluate", "segmentation", "drive", "--segmenter"};
+  const auto with = [&](const std::vector<std::string>& arguments) {
+    std::vector<std::string> all = command;
+    all.insert(all.end(), arguments.begin(), arguments.end());
+    return all;
+  };
+  CopyTestDrive(1, 2, work() / "drive");
+  ExpectRefusedAtOnce(with({"labels"}), "drive/labels: no such folder");
+  WriteLabels(work() / "drive/labels", 2, 120);
+  ExpectRefusedAtOnce(with({"none"}), "--segmenter none: tells nothing");
+  ExpectRefusedAtOnce(with({"net.onnx"}), "net.json: no such file");
+  ExpectRefusedAtOnce(with({"net"}), "net: is no segmenter");
+  ExpectRefusedAtOnce({"evaluate", "segmentation", "drive"}, "--segmenter", 2);
+  Write(work() / "net.json", "{}");
+  ExpectRefusedAtOnce(with({"net.onnx"}), "net.json: \"input\" must be an object");
+  ExpectRefusedAtOnce(with({"net.onnx", "--report", "net.json"}), "net.json: is read by this");
+  ExpectRefused(with({"labels", "--every", "5"}), "has labels");
+  Write(work() / "drive/labels/000001.png", "no image");
+  ExpectRefusedAtOnce(with({"labels"}), "000001.png: ");
+}
+
 TEST_F(CliTest, RefusesWrongUsageWithExitCode2) {
   ExpectRefusedAtOnce({}, "command is required", 2);
   ExpectRefusedAtOnce({"mapp"}, "no command 'mapp'", 2);

@@ -31,5 +31,6 @@ void AddEvaluateLocalization(CLI::App& evaluate, Command& chosen);
 void AddEvaluateMatching(CLI::App& evaluate, Command& chosen);
 void AddEvaluatePlaces(CLI::App& evaluate, Command& chosen);
 void AddEvaluateRealism(CLI::App& evaluate, Command& chosen);
+void AddEvaluateSegmentation(CLI::App& evaluate, Command& chosen);
 
 }  // namespace carmap

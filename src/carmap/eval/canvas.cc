@@ -78,10 +78,10 @@ void Canvas::Box(Eigen::Vector2d min, Eigen::Vector2d max, Rgb fill, Rgb border)
   cv::rectangle(image_, rect, ToScalar(border), kOversampling);
 }
 
-void Canvas::Image(const cv::Mat& grey, Eigen::Vector2d at, double scale) {
+void Canvas::Image(const cv::Mat& image, Eigen::Vector2d at, double scale) {
   cv::Mat enlarged;
-  cv::resize(grey, enlarged, {}, scale * kOversampling, scale * kOversampling, cv::INTER_CUBIC);
-  cv::cvtColor(enlarged, enlarged, cv::COLOR_GRAY2BGR);
+  cv::resize(image, enlarged, {}, scale * kOversampling, scale * kOversampling, cv::INTER_CUBIC);
+  if (enlarged.channels() == 1) cv::cvtColor(enlarged, enlarged, cv::COLOR_GRAY2BGR);
   const cv::Rect place =
       cv::Rect(Whole(at), enlarged.size()) & cv::Rect(cv::Point(0, 0), image_.size());
   enlarged(cv::Rect(place.tl() - Whole(at), place.size())).copyTo(image_(place));

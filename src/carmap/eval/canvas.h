@@ -37,8 +37,8 @@ class Canvas {
   void Dot(Eigen::Vector2d center, double radius_px, Rgb colour);
   void Circle(Eigen::Vector2d center, double radius_px, Rgb colour, double thickness_px);
   void Box(Eigen::Vector2d min, Eigen::Vector2d max, Rgb fill, Rgb border);
-  /// 8-bit grey, its left upper corner at `at`, enlarged by `scale`.
-  void Image(const cv::Mat& grey, Eigen::Vector2d at, double scale);
+  /// 8-bit grey or BGR, its left upper corner at `at`, enlarged by `scale`.
+  void Image(const cv::Mat& image, Eigen::Vector2d at, double scale);
   /// `at` is on the base line. Capitals are `height_px` high. What is not ASCII becomes '?'.
   void Text(const std::string& text, Eigen::Vector2d at, double height_px, Rgb colour,
             Anchor anchor);

@@ -7,6 +7,7 @@
 
 #include "carmap/eval/error_picture.h"
 #include "carmap/eval/frame_picture.h"
+#include "carmap/eval/segmentation_picture.h"
 
 namespace carmap {
 namespace {
@@ -48,6 +49,26 @@ TEST(ErrorPicture, DrawsACurveWithAGapWhereNothingWasFound) {
               0.15 * CountNear(whole, kCurve));
   const cv::Mat two = RenderErrorPicture("title", {curve, {"empty", {}}});
   EXPECT_GT(two.rows, whole.rows + 200);
+}
+
+TEST(SegmentationPicture, TellsFoundMissedAndWrong) {
+  SegmentationPicture picture{"title",
+                              cv::Mat(100, 400, CV_8UC1, cv::Scalar(0)),
+                              cv::Mat(100, 400, CV_8UC1, cv::Scalar(1)),
+                              {{"a", cv::Mat(100, 400, CV_8UC1, cv::Scalar(1))}}};
+  picture.truth.colRange(100, 300).setTo(2);
+  picture.told[0].mobility.colRange(200, 350).setTo(2);
+  picture.told.push_back({"small", cv::Mat(1, 1, CV_8UC1, cv::Scalar(0))});
+  const cv::Mat drawn = RenderSegmentationPicture(picture);
+  // At three times the size, half the colour over black.
+  const auto expect_area = [&](const cv::Scalar& bgr, double columns) {
+    cv::Mat mask;
+    cv::inRange(drawn, bgr / 2 - cv::Scalar::all(8), bgr / 2 + cv::Scalar::all(8), mask);
+    EXPECT_NEAR(cv::countNonZero(mask), columns * 900, 0.04 * columns * 900) << bgr;
+  };
+  expect_area({181, 90, 0}, 100);
+  expect_area({32, 50, 220}, 100 + 200);  // the second misses all
+  expect_area({0, 159, 230}, 50);
 }
 
 }  // namespace

@@ -1,0 +1,31 @@
+#include "apps/carmap/segmenter_option.h"
+
+#include <filesystem>
+
+namespace carmap {
+
+const char* const kSegmenterHelp =
+    R"(What tells static from non-static (persons and vehicles, parked ones too) is a segmenter:
+  none       nothing does
+  labels     the drive's own labels/, as `carmap simulate --labels` writes them: the truth
+  FOLDER     labels in another folder: 000000.png ..., Cityscapes train ids, 255 for none
+  NET.onnx   a network, described by NET.json beside it (docs/segmenter_networks.md)
+  NET.json   the same; its "model" may name a network that lies elsewhere)";
+
+void AddSegmenterOption(CLI::App& command, std::string& segmenter) {
+  segmenter = "none";
+  command
+      .add_option("--segmenter", segmenter,
+                  "Leave what moves, or may move, out of the map: told by a network, or by the "
+                  "labels of a simulated drive; see below")
+      ->capture_default_str()
+      ->type_name("none|labels|NET.onnx");
+}
+
+std::vector<std::string> FilesOfSegmenter(const std::string& segmenter) {
+  const std::filesystem::path path = segmenter;
+  if (path.extension() != ".onnx" && path.extension() != ".json") return {};
+  return {segmenter, std::filesystem::path(path).replace_extension(".json").string()};
+}
+
+}  // namespace carmap

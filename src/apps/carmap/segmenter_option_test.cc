@@ -1,0 +1,34 @@
+#include "apps/carmap/segmenter_option.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <CLI/CLI.hpp>
+
+namespace carmap {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+TEST(SegmenterOptionTest, IsNoneUnlessGiven) {
+  std::string segmenter;
+  CLI::App app;
+  AddSegmenterOption(app, segmenter);
+  app.parse("");
+  EXPECT_EQ(segmenter, "none");
+  app.parse("--segmenter net.onnx");
+  EXPECT_EQ(segmenter, "net.onnx");
+  EXPECT_THAT(app.help(), HasSubstr("--segmenter none|labels|NET.onnx"));
+}
+
+TEST(SegmenterOptionTest, NamesTheFilesThatAreRead) {
+  EXPECT_THAT(FilesOfSegmenter("none"), IsEmpty());
+  EXPECT_THAT(FilesOfSegmenter("labels"), IsEmpty());
+  EXPECT_THAT(FilesOfSegmenter("a/net.onnx"), ElementsAre("a/net.onnx", "a/net.json"));
+  EXPECT_THAT(FilesOfSegmenter("net.json"), ElementsAre("net.json", "net.json"));
+}
+
+}  // namespace
+}  // namespace carmap
