@@ -85,10 +85,11 @@ void WindowEstimator::VisitMeasurements(const Frame& frame, Visit&& visit) const
   }
 }
 
-/// How far the frame's pose goes along when all its landmarks move by their common shift.
-Vector6d WindowEstimator::CommonShift(const Frame& frame) const {
+/// What the map's errors do to a pose by it: all its landmarks move by their common shift, and its
+/// keyframes lie as uncertain as the frame does.
+Matrix6d WindowEstimator::MapCovariance(const Frame& frame) const {
   constexpr size_t kMinLandmarks = 10;
-  if (frame.whitened.size() < kMinLandmarks) return common_shift_;
+  if (frame.whitened.size() < kMinLandmarks) return map_covariance_;
   PoseNormal normal;
   VisitMeasurements(
       frame, [&](size_t i, const Eigen::Vector3d& p, const Eigen::Vector3d&, double weight) {
@@ -96,9 +97,10 @@ Vector6d WindowEstimator::CommonShift(const Frame& frame) const {
         const Eigen::Vector3d shift = frame.seen.common_shift_px[i].cwiseProduct(m.inverse_sigma);
         normal.Add(MakePointTerm(rig_, m, p, shift, weight), p);
       });
-  const Matrix6d hessian = normal.hessian.selfadjointView<Eigen::Lower>();
-  const Vector6d shift = hessian.ldlt().solve(normal.gradient);
-  return shift.allFinite() ? shift : common_shift_;
+  const Matrix6d covariance = Matrix6d(normal.hessian.selfadjointView<Eigen::Lower>()).inverse();
+  const Vector6d shift = covariance * normal.gradient;
+  const Matrix6d result = shift * shift.transpose() + options_.map_jitter_ratio * covariance;
+  return result.allFinite() ? result : map_covariance_;
 }
 
 /// Adds what depends on poses from frame `first` on and on the scale, its last variable.
@@ -190,9 +192,8 @@ void WindowEstimator::Solve() {
       const auto at = static_cast<Eigen::Index>(6 * last);
       unit.middleRows<6>(at).setIdentity();
       const Eigen::MatrixXd columns = factors.solve(unit);
-      common_shift_ = CommonShift(frames_[last]);
-      newest_ = {frames_[last].camera_from_base,
-                 columns.middleRows<6>(at) + common_shift_ * common_shift_.transpose()};
+      map_covariance_ = MapCovariance(frames_[last]);
+      newest_ = {frames_[last].camera_from_base, columns.middleRows<6>(at) + map_covariance_};
       return;
     }
     const Eigen::VectorXd step = factors.solve(-normal.gradient);

@@ -36,6 +36,9 @@ struct WindowEstimatorOptions {
   /// A landmark is seen in many frames, with the same error each time: what each says counts so
   /// much.
   double observation_weight = 0.4;
+  /// Of a frame's own covariance, by its landmarks alone: so little the map's keyframes, which saw
+  /// the same of the street, are known better.
+  double map_jitter_ratio = 0.5;
   int iterations = 4;
 };
 
@@ -74,9 +77,9 @@ class WindowEstimator {
   void Add(const Rigid3& camera_from_previous, const Matrix6d& motion_covariance,
            SeenLandmarks seen);
 
-  /// The pose of the newest frame. Its covariance takes in what the depths of the map have in
-  /// common (rigs are calibrated to some tenths of a pixel): no number of landmarks averages that
-  /// out.
+  /// The pose of the newest frame. Its covariance takes in what no number of its frames averages
+  /// out: what the depths of the map have in common (rigs are calibrated to some tenths of a
+  /// pixel), and how well the map's own keyframes are known.
   const UncertainPose& newest() const { return newest_; }
 
  private:
@@ -107,7 +110,7 @@ class WindowEstimator {
   void MarginalizeOldest();
   template <typename Visit>
   void VisitMeasurements(const Frame& frame, Visit&& visit) const;
-  Vector6d CommonShift(const Frame& frame) const;
+  Matrix6d MapCovariance(const Frame& frame) const;
   Rigid3 MotionOf(const Frame& frame) const;
   static void AddTerm(size_t first, const Eigen::MatrixXd& hessian, const Eigen::VectorXd& gradient,
                       Normal& normal);
@@ -122,7 +125,7 @@ class WindowEstimator {
   std::deque<Frame> frames_;
   double scale_ = 1;  ///< of the map by that of the vehicle's own motion
   UncertainPose newest_;
-  Vector6d common_shift_ = Vector6d::Zero();  ///< of the last pose that saw enough of the base
+  Matrix6d map_covariance_ = Matrix6d::Zero();  ///< where enough of the base was seen last
 };
 
 }  // namespace carmap

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <Eigen/Cholesky>
 #include <cmath>
 
 #include "carmap/solve/test_scene.h"
@@ -65,6 +66,7 @@ class Drive {
 WindowEstimatorOptions Independent() {
   WindowEstimatorOptions options;
   options.observation_weight = 1;
+  options.map_jitter_ratio = 0;
   return options;
 }
 
@@ -155,6 +157,44 @@ TEST(WindowEstimator, WhatTheMapsErrorsHaveInCommonIsNotAveragedOut) {
       window.Add(motion, MotionCovariance(motion, Independent().motion), seen);
     }
     EXPECT_EQ(drive.SquaredMahalanobis(window.newest()) < 12.6, knows);
+  }
+}
+
+// What a frame sees lies where the map's keyframes saw it, whose own poses are off by as much as
+// one frame's landmarks leave open.
+TEST(WindowEstimator, IsNoSurerThanTheMapsOwnKeyframes) {
+  constexpr double kBound95 = 12.592;
+  TestRandom random(17);
+  for (const double ratio : {0.0, 0.5}) {
+    WindowEstimatorOptions options = Independent();
+    options.map_jitter_ratio = ratio;
+    int frames = 0, within = 0;
+    for (uint64_t seed = 1; seed <= 20; ++seed) {
+      Drive drive(seed, options);
+      WindowEstimator window(kRig, options, drive.Start(0.2, 0.01));
+      for (int frame = 0; frame < 20; ++frame) {
+        const Rigid3 motion = drive.Move(1);
+        const SeenLandmarks seen = drive.See(15);
+        window.Add(motion, MotionCovariance(motion, options.motion), seen);
+        if (frame < 3) continue;
+        const PoseEstimate alone =
+            RefinePose(kRig, options.noise, seen.measurements, drive.TruePose());
+        Vector6d jitter = Vector6d::Zero();
+        for (int i = 0; i < 6; ++i) jitter(i) = random.Normal(std::sqrt(0.5));
+        jitter = alone.covariance.llt().matrixL() * jitter;
+        const Vector6d error =
+            PoseDifference(window.newest().camera_from_base, Perturb(drive.TruePose(), jitter));
+        ++frames;
+        within += error.dot(window.newest().covariance.ldlt().solve(error)) < kBound95;
+      }
+    }
+    const double share = static_cast<double>(within) / frames;
+    if (ratio > 0) {
+      EXPECT_GT(share, 0.91);
+      EXPECT_LT(share, 0.99);
+    } else {
+      EXPECT_LT(share, 0.8);
+    }
   }
 }
 
