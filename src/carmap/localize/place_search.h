@@ -33,7 +33,7 @@ struct PlaceSearchOptions {
   SizeMatchOptions matching;
   double gps_radius_m = 50;            ///< more than GPS errs between tall buildings
   size_t max_gps_places = 32;          ///< nearest first
-  size_t max_tries = 6;                ///< places a frame
+  size_t max_tries = 5;                ///< places a frame
   size_t max_comparisons = 3'000'000;  ///< of signatures a frame; some more end the last try
   int max_samples = 2000;              ///< of three matches a place
   int min_agreeing_matches = 7;        ///< of a place, or it is none

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <opencv2/calib3d.hpp>
 #include <random>
 
@@ -18,6 +19,8 @@ constexpr size_t kSampleSize = 3;
 // Of the bound on inliers: a sample should be of good measurements, of which some always are.
 constexpr double kSampleTightness = 1.0 / 3;
 constexpr int kStereoSteps = 3;
+// So many with depth, and samples are of these: they are solved for a tenth of the time.
+constexpr size_t kMinStereo = 20;
 // Three measurements tell nothing of how noisy they are: pixels and disparities weigh the same.
 constexpr MeasurementNoise kPixelNoise{.pixel_px = 1, .disparity_px = 1};
 
@@ -34,6 +37,13 @@ class PnpRansac {
         random_(options.seed) {
     seen_.reserve(measurements.size());
     for (const PoseMeasurement& m : measurements) seen_.push_back(See(m));
+    for (size_t i = 0; i < seen_.size(); ++i) {
+      if (IsStereo(i)) drawn_from_.push_back(i);
+    }
+    if (drawn_from_.size() < kMinStereo) {
+      drawn_from_.resize(seen_.size());
+      std::iota(drawn_from_.begin(), drawn_from_.end(), 0);
+    }
   }
 
   std::optional<PoseEstimate> Run() {
@@ -73,7 +83,7 @@ class PnpRansac {
   }
 
   /// Not std::uniform_int_distribution, whose output differs between standard libraries.
-  size_t DrawIndex() { return (random_() >> 32) * measurements_.size() >> 32; }
+  size_t DrawIndex() { return drawn_from_[(random_() >> 32) * drawn_from_.size() >> 32]; }
 
   Sample DrawSample() {
     Sample sample;
@@ -114,10 +124,13 @@ class PnpRansac {
   }
 
   std::vector<Rigid3> SolveMinimal(const Sample& sample) const {
-    const bool is_stereo = std::all_of(sample.begin(), sample.end(), [&](size_t i) {
-      return std::isfinite(seen_[i].error_m) && measurements_[i].position_in_map.allFinite();
-    });
+    const bool is_stereo =
+        std::all_of(sample.begin(), sample.end(), [&](size_t i) { return IsStereo(i); });
     return is_stereo ? SolveStereo(sample) : SolveP3P(sample);
+  }
+
+  bool IsStereo(size_t i) const {
+    return std::isfinite(seen_[i].error_m) && measurements_[i].position_in_map.allFinite();
   }
 
   /// The pose that puts the three landmarks where stereo sees them, and from there the one that
@@ -234,6 +247,7 @@ class PnpRansac {
   const PnpOptions& options_;
   std::mt19937_64 random_;
   std::vector<SeenPoint> seen_;
+  std::vector<size_t> drawn_from_;  ///< what samples are of
 };
 
 }  // namespace
