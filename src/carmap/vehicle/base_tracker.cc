@@ -52,7 +52,8 @@ VehiclePose BaseTracker::Take(const ExtractedFrame& frame, const TrackedFrame& o
     if (SigmaM(window_->newest().covariance) > options_.max_sigma_m) window_.reset();
   }
   if (step) FollowHypotheses(grid, *step);
-  if (!window_ || unclear_m_ > options_.search_after_m) {
+  if (!window_ || unclear_m_ > options_.search_after_m ||
+      SigmaM(window_->newest().covariance) > options_.search_sigma_m) {
     SearchPlaces(grid, frame.gps);
     if (const Hypothesis* believed = BelievedHypothesis()) Believe(*believed, seen);
   } else {
@@ -73,8 +74,10 @@ std::optional<BaseTracker::Step> BaseTracker::StepOf(const ExtractedFrame& frame
   const bool is_believed =
       own.camera_from_previous && (is_steady || steady_motions_ < options_.steady_motions);
   if (is_believed) {
-    step = Step{*own.camera_from_previous,
-                MotionCovariance(*own.camera_from_previous, options_.window.motion)};
+    MotionNoise noise = options_.window.motion;
+    if (!is_steady || steady_motions_ < options_.steady_motions)
+      noise.step_m = options_.unsteady_step_m;
+    step = Step{*own.camera_from_previous, MotionCovariance(*own.camera_from_previous, noise)};
   } else if (last_motion_s_ > 0) {
     const Rigid3 motion = Extrapolate(last_motion_, elapsed_s / last_motion_s_);
     MotionNoise noise = options_.window.motion;

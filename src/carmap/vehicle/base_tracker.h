@@ -50,13 +50,15 @@ struct BaseTrackerOptions {
   double max_square_deviation = 60;  ///< from the prediction, in its covariance (6 dof)
 
   // The vehicle's own motion, which traffic around it can drag along.
-  size_t steady_motions = 5;  ///< in a row, after which another must be possible to be believed
+  size_t steady_motions = 5;     ///< in a row, after which another must be possible to be believed
+  double unsteady_step_m = 0.5;  ///< error of a motion before that: it may be that of traffic
   double max_acceleration_m_s2 = 12;
   double speed_tolerance_m_s = 0.5, speed_tolerance_ratio = 0.1;  ///< stamps of time are not exact
 
   // Finding the place.
   size_t clear_inliers = 30;        ///< of a clear sight of the base
-  double search_after_m = 10;       ///< without one: then other places are looked for too
+  double search_after_m = 10;       ///< without one: then other places are looked for too ...
+  double search_sigma_m = 0.5;      ///< ... or where the pose is less certain than that
   double min_gain = 1.5;            ///< in inliers, of another place over the present one
   double same_place_m = 1;          ///< nearer two hypotheses are one
   size_t sure_place_inliers = 50;   ///< in one frame: that is a place
