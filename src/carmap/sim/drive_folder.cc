@@ -143,12 +143,12 @@ cv::Mat InstanceImage(const RenderedView& view) {
   cv::Mat image(view.instances.size(), CV_16UC1);
   for (int y = 0; y < image.rows; ++y) {
     for (int x = 0; x < image.cols; ++x) {
-      const auto mobility = static_cast<Mobility>(view.mobilities.at<uint8_t>(y, x));
-      const int first = mobility == Mobility::kParked   ? kFirstParkedInstance
-                        : mobility == Mobility::kMoving ? kFirstMovingInstance
-                                                        : 0;
+      const auto mobility = static_cast<PlacementMobility>(view.mobilities.at<uint8_t>(y, x));
+      const int first = mobility == PlacementMobility::kParked   ? kFirstParkedInstance
+                        : mobility == PlacementMobility::kMoving ? kFirstMovingInstance
+                                                                 : 0;
       image.at<uint16_t>(y, x) = static_cast<uint16_t>(
-          mobility == Mobility::kStatic ? 0 : first + view.instances.at<uint16_t>(y, x));
+          mobility == PlacementMobility::kStatic ? 0 : first + view.instances.at<uint16_t>(y, x));
     }
   }
   return image;

@@ -143,7 +143,8 @@ void Painting::StoreTruth(const Batch& batch, int i) {
   const Sample& sample = At(x, y) = batch.sample[i];
   const Placement* placement = sample.is_sky() ? nullptr : batch.hit[i].placement;
   const SemanticClass label = placement == nullptr ? SemanticClass::kSky : batch.cover[i].label;
-  const Mobility mobility = placement == nullptr ? Mobility::kStatic : placement->mobility;
+  const PlacementMobility mobility =
+      placement == nullptr ? PlacementMobility::kStatic : placement->mobility;
   result_.depth_m.at<float>(y, x) = sample.depth_m;
   result_.labels.at<uint8_t>(y, x) = static_cast<uint8_t>(label);
   result_.instances.at<uint16_t>(y, x) = placement == nullptr ? 0 : placement->instance;

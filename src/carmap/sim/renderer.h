@@ -23,7 +23,7 @@ struct RenderedView {
   cv::Mat depth_m;     ///< CV_32F, along z of the camera; 0 where there is sky
   cv::Mat labels;      ///< CV_8U, SemanticClass
   cv::Mat instances;   ///< CV_16U, Placement::instance
-  cv::Mat mobilities;  ///< CV_8U, Mobility
+  cv::Mat mobilities;  ///< CV_8U, PlacementMobility
   cv::Mat motion_px;   ///< CV_32FC2, where each pixel's point goes per second, for motion blur
 };
 

@@ -191,14 +191,14 @@ TEST(Renderer, TrafficAppearsAndGoes) {
   const RenderedView before = renderer.Render(kCamera, pose, {});
   renderer.SetTraffic({{.model_idx = 1,
                         .position_in_enu = {12, 0, 0},
-                        .mobility = Mobility::kMoving,
+                        .mobility = PlacementMobility::kMoving,
                         .instance = 7}});
   const RenderedView with_car = renderer.Render(kCamera, pose, {});
   const auto at = kCamera.Project({0, 1.1, 9.9});  // its rear, 0.55 m above the ground
   const cv::Point px(static_cast<int>(at.x()), static_cast<int>(at.y()));
   EXPECT_EQ(before.instances.at<uint16_t>(px), 0);
   EXPECT_EQ(with_car.instances.at<uint16_t>(px), 7);
-  EXPECT_EQ(with_car.mobilities.at<uint8_t>(px), static_cast<uint8_t>(Mobility::kMoving));
+  EXPECT_EQ(with_car.mobilities.at<uint8_t>(px), static_cast<uint8_t>(PlacementMobility::kMoving));
   EXPECT_EQ(with_car.labels.at<uint8_t>(px), static_cast<uint8_t>(SemanticClass::kCar));
   EXPECT_NEAR(with_car.depth_m.at<float>(px), 9.9, 1e-3);
   renderer.SetTraffic({});

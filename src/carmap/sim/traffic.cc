@@ -185,7 +185,7 @@ struct Traffic::Impl {
       if (!taken.IsFree(box.Grown(0.15, 0.05)) || !NextInstance(placement)) continue;
       taken.Add(box);
       placement.model_idx = first_model_idx_ + body.first_model;
-      placement.mobility = Mobility::kParked;
+      placement.mobility = PlacementMobility::kParked;
       parked_.push_back(placement);
       parked_boxes_.push_back(box);
     }
@@ -288,7 +288,7 @@ struct Traffic::Impl {
       Placement looks;
       if (boxes.empty() || !NextInstance(looks)) continue;
       for (size_t i = 0; i < boxes.size(); ++i) timetable.Add(course.first_step + i, boxes[i]);
-      looks.mobility = Mobility::kMoving;
+      looks.mobility = PlacementMobility::kMoving;
       looks_.push_back(looks);
       courses_.push_back(std::move(course));
     }

@@ -223,7 +223,9 @@ struct Scenery {
 constexpr TrafficDensity kParked = TrafficDensity::kParked, kMoving = TrafficDensity::kMoving,
                          kDense = TrafficDensity::kDense;
 
-bool IsMoving(const Placement& placement) { return placement.mobility == Mobility::kMoving; }
+bool IsMoving(const Placement& placement) {
+  return placement.mobility == PlacementMobility::kMoving;
+}
 
 /// What a test looks at in all frames of a drive.
 struct Case {
@@ -324,7 +326,8 @@ TEST(Traffic, NoneAndParked) {
   const Scenery parked(route, Drive(route, 10), kParked);
   EXPECT_GT(parked.frames[0].size(), 20);
   for (const auto& frame : parked.frames) {
-    for (const Placement& placement : frame) EXPECT_EQ(placement.mobility, Mobility::kParked);
+    for (const Placement& placement : frame)
+      EXPECT_EQ(placement.mobility, PlacementMobility::kParked);
   }
 }
 

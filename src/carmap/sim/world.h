@@ -18,7 +18,7 @@ namespace carmap {
 class GroundMap;
 
 /// What may have moved when the next vehicle comes by.
-enum class Mobility : uint8_t { kStatic, kParked, kMoving };
+enum class PlacementMobility : uint8_t { kStatic, kParked, kMoving };
 
 /// A model set into the world: scaled, turned about the vertical, tilted with the ground, moved.
 struct Placement {
@@ -29,7 +29,7 @@ struct Placement {
   float scale = 1;
   float shade = 1;            ///< multiplies the albedo of its surfaces
   uint32_t texture_seed = 0;  ///< shifts and chooses its patterns
-  Mobility mobility = Mobility::kStatic;
+  PlacementMobility mobility = PlacementMobility::kStatic;
   uint16_t instance = 0;  ///< unique among parked and moving ones of a drive; static: 0
 };
 
