@@ -15,6 +15,7 @@
 #include "apps/carmap/evaluated_map.h"
 #include "apps/carmap/outputs.h"
 #include "apps/carmap/reports.h"
+#include "apps/carmap/segmenter_option.h"
 #include "carmap/base/file.h"
 #include "carmap/base/progress.h"
 #include "carmap/base/status_macros.h"
@@ -30,6 +31,7 @@
 #include "carmap/feature/stereo_features.h"
 #include "carmap/format/lean_codec.h"
 #include "carmap/index/reconstruct.h"
+#include "carmap/semantics/segmenter_choice.h"
 #include "carmap/slam/drive_mapper.h"
 #include "carmap/slam/frame_extraction.h"
 #include "carmap/vehicle/base_tracker.h"
@@ -38,7 +40,7 @@ namespace carmap {
 namespace {
 
 struct Arguments {
-  std::string drive, map, map_truth, trajectory, report, picture, frame_picture, error_picture;
+  std::string drive, map, map_truth, segmenter, trajectory, report, picture, frame_picture, error_picture;
   FrameRange range;
 };
 
@@ -103,9 +105,10 @@ struct LocalizedDrive {
 /// One drive's way through the map, frame by frame.
 class DriveLocalizer {
  public:
-  DriveLocalizer(const LoadedMap& loaded, const StereoFrontEnd& front_end)
+  DriveLocalizer(const LoadedMap& loaded, const StereoFrontEnd& front_end,
+                 std::shared_ptr<Segmenter> segmenter)
       : front_end_(front_end),
-        own_map_(loaded.rig, DriveId(), OwnMapOptions()),
+        own_map_(loaded.rig, DriveId(), OwnMapOptions(std::move(segmenter))),
         tracker_(loaded.map, loaded.rig,
                  {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()}) {}
 
@@ -131,8 +134,9 @@ class DriveLocalizer {
   static constexpr size_t kMinFeatures = 50;  ///< fewer come of a black or blinded image
 
   /// The drive's own map only carries the pose from frame to frame.
-  static MapDriveOptions OwnMapOptions() {
+  static MapDriveOptions OwnMapOptions(std::shared_ptr<Segmenter> segmenter) {
     MapDriveOptions options;
+    options.segmenter = std::move(segmenter);
     options.loops.close_loops = false;
     return options;
   }
@@ -168,9 +172,10 @@ class DriveLocalizer {
   LocalizedDrive drive_;
 };
 
-LocalizedDrive LocalizeDrive(KittiDrive& drive, const LoadedMap& loaded) {
+LocalizedDrive LocalizeDrive(KittiDrive& drive, const LoadedMap& loaded,
+                             std::shared_ptr<Segmenter> segmenter) {
   FrameExtraction frames(drive, {}, /*sequential=*/false);
-  DriveLocalizer localizer(loaded, frames.front_end());
+  DriveLocalizer localizer(loaded, frames.front_end(), std::move(segmenter));
   Progress progress("localizing", drive.size());
   for (size_t taken = 1; const auto frame = frames.Next(); ++taken) {
     localizer.Take(*frame);
@@ -340,6 +345,7 @@ void PrintNotFound(const LocalizedDrive& localized) {
 absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   inputs.push_back(arguments.map);
+  for (const std::string& file : FilesOfSegmenter(arguments.segmenter)) inputs.push_back(file);
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.trajectory, arguments.report, arguments.picture,
                                        arguments.frame_picture, arguments.error_picture},
                                       inputs));
@@ -348,7 +354,10 @@ absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
   CARMAP_ASSIGN_OR_RETURN(const std::optional<EvaluatedMap> evaluated,
                           AlignMap(loaded.lean, *drive, arguments));
 
-  const LocalizedDrive localized = LocalizeDrive(*drive, loaded);
+  const PinholeCamera& camera = drive->rig().camera;
+  CARMAP_ASSIGN_OR_RETURN(auto segmenter, MakeSegmenter(arguments.segmenter, arguments.drive,
+                                                        {camera.width, camera.height}));
+  const LocalizedDrive localized = LocalizeDrive(*drive, loaded, std::move(segmenter));
   std::optional<LocalizationError> error;
   if (evaluated) {
     error = EvaluateLocalization(localized.trajectory, drive->truth(),
@@ -415,11 +424,16 @@ void AddLocalizeCommand(CLI::App& app, Command& chosen) {
                    "Draw the errors over the distance driven")
       ->needs("--map-truth")
       ->type_name("P.png");
-  command->footer(
+  AddSegmenterOption(*command, arguments->segmenter);
+  command->footer(fmt::format(
       R"(The vehicle tracks itself in a map of its own; the landmarks of MAP that it sees correct its pose. A
 frame that shows none is known by dead reckoning, with a covariance that grows. While the vehicle
 does not know where it is, it looks near its fix, if the drive has gps.txt and the map has GPS
 fixes, and then in the whole map, and believes in a place that agrees with its own motion.
+
+With a segmenter the vehicle does not track itself by traffic (the paper's dynamic object filter).
+
+{}
 
 The report tells of each frame how its pose is known (map, dead_reckoning, lost), how far it was
 dead reckoned, and the covariance (6x6, metres and radians in the camera: translation, rotation).
@@ -438,7 +452,8 @@ Examples:
   carmap localize kitti06_000-050 --map road.cmap --trajectory localized.txt
   carmap localize kitti06_000-050 --map road.cmap --map-truth kitti06_000-050 --report r.json
 
-Exit codes: 0 done, 1 error or no frame found, 2 wrong usage, 3 done but without unusable images)");
+Exit codes: 0 done, 1 error or no frame found, 2 wrong usage, 3 done but without unusable images)",
+      kSegmenterHelp));
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return RunLocalize(*arguments); }; });
 }

@@ -12,6 +12,7 @@
 #include "apps/carmap/commands.h"
 #include "apps/carmap/outputs.h"
 #include "apps/carmap/reports.h"
+#include "apps/carmap/segmenter_option.h"
 #include "carmap/base/file.h"
 #include "carmap/base/progress.h"
 #include "carmap/base/status_macros.h"
@@ -28,6 +29,7 @@
 #include "carmap/feature/vocabulary_file.h"
 #include "carmap/format/lean_codec.h"
 #include "carmap/map/strip.h"
+#include "carmap/semantics/segmenter_choice.h"
 #include "carmap/slam/map_drive.h"
 #include "carmap/solve/alignment.h"
 
@@ -35,9 +37,10 @@ namespace carmap {
 namespace {
 
 struct Arguments {
-  std::string drive, out, full_map, vocabulary, trajectory, report, picture;
+  std::string drive, out, full_map, vocabulary, segmenter, trajectory, report, picture;
   FrameRange range;
   std::optional<double> replay_hz;
+  size_t segment_every = 1;
   bool sequential = false, no_loops = false;
 };
 
@@ -56,6 +59,11 @@ struct Run {
 absl::StatusOr<MappedDrive> MapWithProgress(FrameSource& drive, DriveId id,
                                             const Arguments& arguments) {
   MapDriveOptions options;
+  const PinholeCamera& camera = drive.rig().camera;
+  CARMAP_ASSIGN_OR_RETURN(options.segmenter, MakeSegmenter(arguments.segmenter, arguments.drive,
+                                                           {camera.width, camera.height}));
+  options.labelling.every = arguments.segment_every;
+  options.labelling.real_time = arguments.replay_hz.has_value();
   options.sequential = arguments.sequential;
   options.loops.close_loops = !arguments.no_loops;
   if (arguments.vocabulary.empty()) {
@@ -150,6 +158,20 @@ nlohmann::ordered_json ToJson(const Map& map, const Georeference& georeference) 
           {"fix_error_m", ToJson(Summarize(FixErrorsM(map, georeference)))}};
 }
 
+size_t NonStaticCount(const Map& map) {
+  size_t count = 0;
+  for (const auto& [id, landmark] : map.landmarks()) count += landmark.is_non_static();
+  return count;
+}
+
+nlohmann::ordered_json ToJson(const LabellingSummary& labelling, const Map& map) {
+  return {{"keyframes", labelling.keyframes},
+          {"labelled", labelling.labelled},
+          {"landmarks", map.landmarks().size()},
+          {"non_static_landmarks", NonStaticCount(map)},
+          {"failure", labelling.failure}};
+}
+
 void AddErrors(const TrajectoryEvaluation& evaluation, nlohmann::ordered_json& report) {
   nlohmann::ordered_json errors = ToJson(evaluation);
   for (const char* key : {"matched_frames", "lost_frames", "path_length_m"}) errors.erase(key);
@@ -175,6 +197,7 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const Arguments& ar
   report["peak_rss_mb"] = run.peak_rss_mb;
   report["frame_ms"] = ToJson(Summarize(run.mapped.frame_ms));
   report["stage_ms"] = MeanStageMs(run, frames);
+  if (run.mapped.labelling) report["labelling"] = ToJson(*run.mapped.labelling, run.mapped.map);
   if (arguments.replay_hz) {
     report["replay"] = {{"rate_hz", *arguments.replay_hz}, {"dropped_frames", run.dropped_frames}};
   }
@@ -233,6 +256,11 @@ void PrintSummary(const Run& run, size_t frames, const Arguments& arguments) {
   }
   fmt::print("map           {}, {}, {}, {}\n", arguments.out, BytesText(bytes),
              Count(lean.keyframes.size(), "keyframe"), Count(lean.landmarks.size(), "landmark"));
+  if (const auto& labelling = run.mapped.labelling) {
+    fmt::print("segmented     {} of {}, {} of {} non-static\n", labelling->labelled,
+               Count(labelling->keyframes, "keyframe"), NonStaticCount(run.mapped.map),
+               Count(run.mapped.map.landmarks().size(), "landmark"));
+  }
   if (!run.mapped.loops.empty()) {
     fmt::print("loops         {}\n", Count(run.mapped.loops.size(), "loop"));
   }
@@ -259,6 +287,7 @@ absl::StatusOr<ExitCode> RunMap(const Arguments& arguments) {
   const Stopwatch watch;
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   if (!arguments.vocabulary.empty()) inputs.push_back(arguments.vocabulary);
+  for (const std::string& file : FilesOfSegmenter(arguments.segmenter)) inputs.push_back(file);
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out, arguments.full_map, arguments.trajectory,
                                        arguments.report, arguments.picture},
                                       inputs));
@@ -291,6 +320,11 @@ absl::StatusOr<ExitCode> RunMap(const Arguments& arguments) {
         fmt::format("{}: the map is empty: no landmark was seen by {} keyframes; map a "
                     "longer part of the drive",
                     arguments.drive, StripOptions().min_observations));
+    return kIncomplete;
+  }
+  if (run.mapped.labelling && !run.mapped.labelling->failure.empty()) {
+    PrintProblem(fmt::format("{}: the map may hold what was parked or moved: {}",
+                             arguments.segmenter, run.mapped.labelling->failure));
     return kIncomplete;
   }
   return run.mapped.lost_frames.empty() ? kSuccess : kIncomplete;
@@ -326,6 +360,14 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
           "Recognize places by this vocabulary's words (default: the one that comes with the "
           "program)")
       ->type_name("V.cmvoc");
+  AddSegmenterOption(*command, arguments->segmenter);
+  command
+      ->add_option("--segment-every", arguments->segment_every,
+                   "Segment every n-th keyframe alone. With --replay the segmenter never holds the "
+                   "drive up: keyframes that come while it is busy stay unlabelled")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str()
+      ->type_name("N");
   command
       ->add_option("--full-map", arguments->full_map,
                    "Write the map with all features of its keyframes too, for `carmap evaluate "
@@ -345,7 +387,7 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
       ->add_option("--picture", arguments->picture,
                    "Draw landmarks, trajectory and truth from above")
       ->type_name("P.png");
-  command->footer(
+  command->footer(fmt::format(
       R"(The map's frame is the left camera of the first frame: x right, y down, z forward, metres.
 
 The report's frame_ms is from images in memory to the frame's pose; stage_ms is the mean per frame
@@ -357,6 +399,12 @@ A frame that cannot be read or tracked is left out: a line says which and why, t
 rest, and the exit code is 3. Where the vehicle was blind for long and what it saw after is not in
 the map, a new part of the map begins, put where its speed led to; the report lists the parts.
 
+With a segmenter the map holds only what stays (the paper's dynamic object filter): each keyframe
+votes on the landmarks that it sees, its labels coming two keyframes late, and what most call
+non-static holds no pose and is left out of the map.
+
+{}
+
 Where the drive comes back to a place the loop is closed, and the whole map adjusted. If the drive
 has gps.txt its fixes hold the map too, and each keyframe gets the place on Earth that all of them
 together tell; the report's georeference.fix_error_m is how far single fixes are from there, and
@@ -367,7 +415,9 @@ Examples:
   carmap map kitti06_000-050 --out road.cmap
   carmap map kitti06_000-050 --first 18 --last 50 --out part.cmap --report part.json
 
-Exit codes: 0 done, 1 error (no map is written), 2 wrong usage, 3 map written but frames were lost)");
+Exit codes: 0 done, 1 error (no map is written), 2 wrong usage, 3 map written but frames were lost
+or the segmenter failed)",
+      kSegmenterHelp));
   command->callback([arguments, &chosen] { chosen = [arguments] { return RunMap(*arguments); }; });
 }
 

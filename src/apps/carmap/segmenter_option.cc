@@ -16,8 +16,8 @@ void AddSegmenterOption(CLI::App& command, std::string& segmenter) {
   segmenter = "none";
   command
       .add_option("--segmenter", segmenter,
-                  "Leave what moves, or may move, out of the map: told by a network, or by the "
-                  "labels of a simulated drive; see below")
+                  "Leave what moves, or may move, out of the map that is made: told by a network, "
+                  "or by the labels of a simulated drive; see below")
       ->capture_default_str()
       ->type_name("none|labels|NET.onnx");
 }

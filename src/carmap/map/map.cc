@@ -26,6 +26,7 @@ absl::Status CheckLandmark(const Map& map, const Landmark& landmark) {
   };
   if (landmark.observations.empty()) return broken("has no observation");
   if (!landmark.position_in_map.allFinite()) return broken("has no finite position");
+  MobilityVotes votes;  // of the keyframes that are still there
   for (size_t i = 0; i < landmark.observations.size(); ++i) {
     const auto& [keyframe_id, feature_idx] = landmark.observations[i];
     if (i > 0 && !(landmark.observations[i - 1].keyframe_id < keyframe_id)) {
@@ -38,7 +39,13 @@ absl::Status CheckLandmark(const Map& map, const Landmark& landmark) {
     }
     if (links[feature_idx] != landmark.id)
       return broken("is not known to a feature that observes it");
+    if (const auto& mobility = map.Find(keyframe_id)->mobility) {
+      votes.is_static += (*mobility)[feature_idx] == Mobility::kStatic;
+      votes.non_static += (*mobility)[feature_idx] == Mobility::kNonStatic;
+    }
   }
+  if (landmark.votes.is_static < votes.is_static || landmark.votes.non_static < votes.non_static)
+    return broken("lacks votes of keyframes that observe it");
   return absl::OkStatus();
 }
 
@@ -55,6 +62,10 @@ absl::Status CheckConsistency(const Map& map) {
     if (!keyframe.features || links.size() != keyframe.features->size()) {
       return absl::InternalError(
           fmt::format("keyframe {}: links and features differ in number", id.index));
+    }
+    if (keyframe.mobility && keyframe.mobility->size() != links.size()) {
+      return absl::InternalError(
+          fmt::format("keyframe {}: labels and features differ in number", id.index));
     }
     for (const auto& link : links) observation_count -= link.has_value();
   }

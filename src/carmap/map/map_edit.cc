@@ -23,6 +23,7 @@ class EditApplication {
     if (map_.Find(landmark.id)) return false;
     Landmark bare = landmark;
     bare.observations.clear();
+    bare.votes = {};
     map_.landmarks_.emplace(landmark.id, std::move(bare));
     bool all_fit = !landmark.observations.empty();
     for (const Observation& observation : landmark.observations) {
@@ -45,6 +46,7 @@ class EditApplication {
     }
     links->second[feature_idx] = added.landmark_id;
     observations.insert(place, added.observation);
+    Vote(added.observation, 1, landmark->second);
     return true;
   }
 
@@ -56,7 +58,23 @@ class EditApplication {
     if (place == observations.end() || *place != removed.observation) return false;
     map_.landmarks_of_.at(place->keyframe_id)[place->feature_idx].reset();
     observations.erase(place);
+    Vote(removed.observation, -1, landmark->second);
     RemoveIfUnseen(removed.landmark_id);
+    return true;
+  }
+
+  bool LabelKeyframe(const MapEdit::KeyframeLabels& labels) {
+    const auto found = map_.keyframes_.find(labels.id);
+    if (found == map_.keyframes_.end() || found->second.mobility || !labels.mobility ||
+        labels.mobility->size() != found->second.features->size()) {
+      return false;
+    }
+    found->second.mobility = labels.mobility;
+    const auto& links = map_.landmarks_of_.at(labels.id);
+    for (size_t i = 0; i < links.size(); ++i) {
+      if (!links[i]) continue;
+      Vote({labels.id, static_cast<int32_t>(i)}, 1, map_.landmarks_.find(*links[i])->second);
+    }
     return true;
   }
 
@@ -127,6 +145,21 @@ class EditApplication {
   static bool Holds(const Observations& observations, Observations::iterator place, KeyframeId id) {
     return place != observations.end() && place->keyframe_id == id;
   }
+  /// The keyframe's vote on the landmark that it sees so, or its withdrawal.
+  void Vote(const Observation& observation, int count, Landmark& landmark) {
+    const auto& mobility = map_.keyframes_.at(observation.keyframe_id).mobility;
+    if (!mobility) return;
+    switch ((*mobility)[observation.feature_idx]) {
+      case Mobility::kStatic:
+        landmark.votes.is_static += count;
+        break;
+      case Mobility::kNonStatic:
+        landmark.votes.non_static += count;
+        break;
+      case Mobility::kUnknown:
+        break;
+    }
+  }
   void RemoveIfUnseen(LandmarkId id) {
     const auto found = map_.landmarks_.find(id);
     if (found != map_.landmarks_.end() && found->second.observations.empty())
@@ -160,6 +193,7 @@ absl::StatusOr<size_t> Apply(const MapEdit& edit, Map& map) {
   left_out += CountLeftOut(application, &Application::AddLandmark, edit.added_landmarks);
   left_out += CountLeftOut(application, &Application::AddObservation, edit.added_observations);
   left_out += CountLeftOut(application, &Application::RemoveObservation, edit.removed_observations);
+  left_out += CountLeftOut(application, &Application::LabelKeyframe, edit.labelled_keyframes);
   left_out += CountLeftOut(application, &Application::MergeLandmarks, edit.merges);
   left_out += CountLeftOut(application, &Application::MoveKeyframe, edit.moved_keyframes);
   left_out += CountLeftOut(application, &Application::MoveLandmark, edit.moved_landmarks);

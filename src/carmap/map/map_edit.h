@@ -4,6 +4,7 @@
 #include <absl/status/statusor.h>
 
 #include <cstdint>
+#include <memory>
 #include <vector>
 
 #include "carmap/map/map.h"
@@ -16,6 +17,10 @@ struct MapEdit {
   struct LandmarkObservation {
     LandmarkId landmark_id;
     Observation observation;
+  };
+  struct KeyframeLabels {
+    KeyframeId id;
+    std::shared_ptr<const std::vector<Mobility>> mobility;  ///< of each feature
   };
   struct Merge {
     LandmarkId from, into;
@@ -38,6 +43,7 @@ struct MapEdit {
   std::vector<Landmark> added_landmarks;
   std::vector<LandmarkObservation> added_observations;
   std::vector<LandmarkObservation> removed_observations;
+  std::vector<KeyframeLabels> labelled_keyframes;  ///< which vote on the landmarks that they see
   std::vector<Merge> merges;  ///< `into` takes over the observations of `from` where it has none
   std::vector<KeyframePose> moved_keyframes;
   std::vector<LandmarkPosition> moved_landmarks;

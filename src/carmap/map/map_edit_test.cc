@@ -302,5 +302,51 @@ TEST(Apply, AKeyframeGoesWithItsObservations) {
   EXPECT_EQ(map.keyframes().size(), 2u);
 }
 
+std::shared_ptr<const std::vector<Mobility>> Labels(std::vector<Mobility> of_feature) {
+  of_feature.resize(kFeatureCount, Mobility::kUnknown);
+  return std::make_shared<const std::vector<Mobility>>(std::move(of_feature));
+}
+
+TEST(Apply, KeyframesVoteOnWhatTheySee) {
+  Map map = MakeMap();
+  const auto labels = Labels({Mobility::kNonStatic, Mobility::kStatic});
+  EXPECT_EQ(LeftOut({.labelled_keyframes = {{Frame(1), labels}, {Frame(2), labels}}}, map), 0u);
+  EXPECT_EQ(map.Find(Mark(10))->votes.non_static, 2u);
+  EXPECT_TRUE(map.Find(Mark(10))->is_non_static());
+  EXPECT_EQ(map.Find(Mark(11))->votes.is_static, 1u);
+  EXPECT_FALSE(map.Find(Mark(11))->is_non_static());
+  EXPECT_EQ(map.Find(Mark(12))->votes.is_static + map.Find(Mark(12))->votes.non_static, 0u);
+}
+
+TEST(Apply, AVoteComesAndGoesWithTheObservation) {
+  Map map = MakeMap();
+  const auto labels = Labels({Mobility::kUnknown, Mobility::kUnknown, Mobility::kNonStatic});
+  EXPECT_EQ(LeftOut({.labelled_keyframes = {{Frame(3), labels}}}, map), 0u);
+  const MapEdit::LandmarkObservation seen{Mark(12), {Frame(3), 2}};
+  EXPECT_EQ(LeftOut({.added_observations = {seen}}, map), 0u);
+  EXPECT_TRUE(map.Find(Mark(12))->is_non_static());
+  EXPECT_EQ(LeftOut({.removed_observations = {seen}}, map), 0u);
+  EXPECT_FALSE(map.Find(Mark(12))->is_non_static());
+}
+
+TEST(Apply, VotesOutliveTheirKeyframes) {
+  Map map = MakeMap();
+  EXPECT_EQ(LeftOut({.labelled_keyframes = {{Frame(2), Labels({Mobility::kNonStatic})}},
+                     .removed_keyframes = {Frame(2)}},
+                    map),
+            0u);
+  EXPECT_TRUE(map.Find(Mark(10))->is_non_static());
+}
+
+TEST(Apply, LeavesOutLabelsThatDoNotFit) {
+  Map map = MakeMap();
+  const auto good = Labels({});
+  const auto short_one = std::make_shared<const std::vector<Mobility>>(kFeatureCount - 1);
+  EXPECT_EQ(LeftOut({.labelled_keyframes = {{Frame(9), good}}}, map), 1u);
+  EXPECT_EQ(LeftOut({.labelled_keyframes = {{Frame(1), nullptr}}}, map), 1u);
+  EXPECT_EQ(LeftOut({.labelled_keyframes = {{Frame(1), short_one}}}, map), 1u);
+  EXPECT_EQ(LeftOut({.labelled_keyframes = {{Frame(1), good}, {Frame(1), good}}}, map), 1u);
+}
+
 }  // namespace
 }  // namespace carmap

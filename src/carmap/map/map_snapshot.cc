@@ -46,7 +46,7 @@ MapSnapshot SnapshotOf(const Map& map, const std::vector<KeyframeId>& keyframe_i
   std::vector<LandmarkId> landmark_ids;
   for (const KeyframeId& id : keyframe_ids) {
     for (const auto& link : map.LandmarksOf(id)) {
-      if (link) landmark_ids.push_back(*link);
+      if (link && !map.Find(*link)->is_non_static()) landmark_ids.push_back(*link);
     }
   }
   std::sort(landmark_ids.begin(), landmark_ids.end());
@@ -75,6 +75,7 @@ MapSnapshot SnapshotOf(const Map& map, const std::vector<KeyframeId>& keyframe_i
     for (const auto& link : map.LandmarksOf(id)) {
       if (!link) continue;
       const auto place = std::lower_bound(landmark_ids.begin(), landmark_ids.end(), *link);
+      if (place == landmark_ids.end() || *place != *link) continue;
       copy.landmark_idxs.push_back(static_cast<uint32_t>(place - landmark_ids.begin()));
     }
     std::sort(copy.landmark_idxs.begin(), copy.landmark_idxs.end());

@@ -70,8 +70,8 @@ float PredictLevel(const SnapshotLandmark& landmark, double distance_m);
 void DeriveVisibility(const std::vector<Eigen::Vector3d>& viewers_in_map, int first_level,
                       SnapshotLandmark& landmark);
 
-/// The part of a working map around some of its keyframes: these, and all landmarks that they see.
-/// `keyframe_ids` ascending, each in the map.
+/// The part of a working map around some of its keyframes: these, and the landmarks that they see
+/// but for those voted non-static (§3.3). `keyframe_ids` ascending, each in the map.
 MapSnapshot SnapshotOf(const Map& map, const std::vector<KeyframeId>& keyframe_ids);
 
 }  // namespace carmap

@@ -14,6 +14,7 @@
 #include "carmap/feature/feature.h"
 #include "carmap/geometry/geodesy.h"
 #include "carmap/geometry/rigid3.h"
+#include "carmap/semantics/mobility.h"
 
 namespace carmap {
 
@@ -24,6 +25,8 @@ struct Keyframe {
   Rigid3 map_from_camera;
   std::optional<GpsFix> gps;
   std::shared_ptr<const std::vector<Feature>> features;  ///< never null in a Map
+  /// Of each feature (paper §3.3); null until the keyframe is labelled.
+  std::shared_ptr<const std::vector<Mobility>> mobility;
 };
 
 /// A landmark was seen as feature `feature_idx` of a keyframe.
@@ -33,12 +36,22 @@ struct Observation {
   bool operator==(const Observation&) const = default;
 };
 
+/// Labelled keyframes that saw a landmark as one or the other (paper §3.3), also those that were
+/// removed since.
+struct MobilityVotes {
+  uint32_t is_static = 0, non_static = 0;
+};
+
 /// A map-feature of the paper (§2): signature, position, and the keyframes that see it.
 struct Landmark {
   LandmarkId id;
   Eigen::Vector3d position_in_map = Eigen::Vector3d::Zero();
   Descriptor descriptor;
   std::vector<Observation> observations;  ///< ascending by keyframe, one a keyframe
+  MobilityVotes votes;
+
+  /// By majority: of traffic, or parked. It holds no pose and enters no lean map.
+  bool is_non_static() const { return votes.non_static > votes.is_static; }
 };
 
 }  // namespace carmap

@@ -43,6 +43,7 @@ StrippedMap Strip(const Map& map, const LeanDrive& drive, const StripOptions& op
   std::vector<Kept> kept;
   for (const auto& [id, landmark] : map.landmarks()) {
     if (landmark.observations.size() < options.min_observations) continue;
+    if (landmark.is_non_static()) continue;
     kept.push_back(StripLandmark(map, landmark, lean.keyframes));
   }
   std::sort(kept.begin(), kept.end(), [](const Kept& a, const Kept& b) {

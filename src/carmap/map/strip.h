@@ -23,7 +23,8 @@ struct StrippedMap {
   std::vector<LandmarkId> sources;
 };
 
-/// All keyframes of the map, also those that see no landmark kept, and the landmarks that stay.
+/// All keyframes of the map, also those that see no landmark kept, and the landmarks that stay, of
+/// which none was voted non-static (§3.3).
 /// Landmarks get new ids (drive, 0 … n-1) in the order of their keyframe lists, then of their
 /// levels: so ids, lists and levels cost next to nothing in a file. All keyframes must be of
 /// `drive`.

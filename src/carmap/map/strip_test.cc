@@ -94,5 +94,19 @@ TEST(Strip, TakesAnEmptyMap) {
   EXPECT_THAT(stripped.lean.keyframes, IsEmpty());
 }
 
+TEST(Strip, LeavesOutWhatIsNonStatic) {
+  Map map = MakeMap({MakeLandmark(10, {4, 5, 9}, 3), MakeLandmark(12, {2, 5, 9}, 6)});
+  std::vector<Mobility> of_feature(8, Mobility::kStatic);
+  of_feature[3] = Mobility::kNonStatic;
+  const auto labels = std::make_shared<const std::vector<Mobility>>(of_feature);
+  EXPECT_EQ(*Apply({.base_version = map.version(),
+                    .labelled_keyframes = {{{kDrive, 5}, labels}, {{kDrive, 9}, labels}}},
+                   map),
+            0u);
+  const StrippedMap stripped = Strip(map, kLeanDrive);
+  EXPECT_THAT(stripped.sources, ElementsAre(LandmarkId{kDrive, 12}));
+  ASSERT_TRUE(CheckConsistency(stripped.lean).ok()) << CheckConsistency(stripped.lean);
+}
+
 }  // namespace
 }  // namespace carmap

@@ -53,9 +53,10 @@ class DriveMapper::MappingStage {
     return located;
   }
   size_t inserted() const { return inserted_; }
-  /// Makes the map consistent as a whole. To be called last.
-  void Finish() {
+  /// Makes the map consistent as a whole, once the last labels are there. To be called last.
+  void Finish(const std::vector<LabelledKeyframe>& labelled) {
     WaitForEnd();
+    mapper_.TakeLabels(labelled);
     mapper_.DropShreds();
     closer_.Finish(mapper_);
   }
@@ -101,7 +102,12 @@ class DriveMapper::MappingStage {
 DriveMapper::DriveMapper(const StereoRig& rig, DriveId drive_id, const MapDriveOptions& options)
     : drive_id_(drive_id),
       tracker_(options.tracker),
-      mapping_(std::make_unique<MappingStage>(rig, drive_id, options)) {}
+      mapping_(std::make_unique<MappingStage>(rig, drive_id, options)) {
+  if (!options.segmenter) return;
+  LabellingOptions labelling = options.labelling;
+  labelling.sequential = options.sequential;
+  labeller_.emplace(options.segmenter, labelling, cv::Size(rig.camera.width, rig.camera.height));
+}
 DriveMapper::~DriveMapper() = default;
 
 size_t DriveMapper::keyframe_count() const { return mapping_->inserted(); }
@@ -136,10 +142,13 @@ TrackedFrame DriveMapper::TrackOrRecover(const ExtractedFrame& frame) {
 void DriveMapper::FollowUp(const ExtractedFrame& frame, TrackedFrame& tracked) {
   if (tracked.wants_keyframe || tracked.begins_part) {
     const KeyframeId id{drive_id_, frame.index};
-    mapping_->Insert({{id, frame.timestamp, tracked.map_from_camera, frame.gps, frame.features},
-                      tracked.landmark_of_feature,
-                      tracked.begins_part,
-                      tracked.gap});
+    NewKeyframe keyframe{
+        .keyframe = {id, frame.timestamp, tracked.map_from_camera, frame.gps, frame.features},
+        .landmark_of_feature = tracked.landmark_of_feature,
+        .begins_part = tracked.begins_part,
+        .gap = tracked.gap};
+    if (labeller_) keyframe.labelled = labeller_->Offer(id, frame.index, frame.left, frame.features);
+    mapping_->Insert(std::move(keyframe));
     if (!tracked.reference) tracker_.BeginAt(frame.timestamp, id);
     tracked.reference = id;
     tracked.camera_from_reference = {};
@@ -175,7 +184,10 @@ void DriveMapper::FinishFrames() {
 }
 
 absl::StatusOr<MappedDrive> DriveMapper::Finish() {
-  mapping_->Finish();
+  mapping_->Finish(labeller_ ? labeller_->Finish() : std::vector<LabelledKeyframe>());
+  if (labeller_) {
+    result_.labelling = {labeller_->offered(), labeller_->labelled(), labeller_->failure()};
+  }
   const LocalMapper& mapper = mapping_->mapper();
   if (mapper.map().keyframes().empty()) {
     return absl::FailedPreconditionError(

@@ -21,6 +21,7 @@
 #include "carmap/feature/stereo_features.h"
 #include "carmap/geometry/camera.h"
 #include "carmap/map/map.h"
+#include "carmap/semantics/keyframe_labeller.h"
 #include "carmap/slam/frame_extraction.h"
 #include "carmap/slam/georeference_map.h"
 #include "carmap/slam/local_mapper.h"
@@ -39,6 +40,15 @@ struct MapDriveOptions {
   /// By which places are recognized; without one they are looked for where the map has them.
   std::shared_ptr<const Vocabulary> vocabulary;
   bool sequential = false;
+  /// The dynamic object filter (§3.3): what labels the keyframes; null for none.
+  std::shared_ptr<Segmenter> segmenter;
+  LabellingOptions labelling;  ///< its `sequential` follows from the one above
+};
+
+/// What came of labelling keyframes.
+struct LabellingSummary {
+  size_t keyframes = 0, labelled = 0;
+  std::string failure;  ///< the first, in one line; empty without any
 };
 
 struct LostFrame {
@@ -62,6 +72,7 @@ struct MappedDrive {
   std::vector<Loop> loops;                   ///< that were closed
   size_t rejected_loop_keyframes = 0;        ///< see LoopDetector::rejected_count
   std::optional<Georeference> georeference;  ///< where GPS fixes tell it
+  std::optional<LabellingSummary> labelling;  ///< where keyframes were to be labelled
   std::vector<double> frame_ms;              ///< from images in memory to the frame's pose
   std::map<std::string, double> stage_ms;    ///< total of each stage
 };
@@ -107,6 +118,7 @@ class DriveMapper {
 
   const DriveId drive_id_;
   Tracker tracker_;
+  std::optional<KeyframeLabeller> labeller_;
   std::unique_ptr<MappingStage> mapping_;
   TrackedFrame tracked_;
   double last_frame_ms_ = 0;

@@ -10,7 +10,7 @@ namespace carmap {
 std::vector<LandmarkId> ChooseLandmarks(const Map& map, const GlobalAdjustmentOptions& options) {
   std::vector<std::pair<size_t, LandmarkId>> ranked;
   for (const auto& [id, landmark] : map.landmarks()) {
-    if (landmark.observations.size() >= options.min_observations) {
+    if (landmark.observations.size() >= options.min_observations && !landmark.is_non_static()) {
       ranked.emplace_back(landmark.observations.size(), id);
     }
   }

@@ -56,6 +56,7 @@ std::shared_ptr<const LocalMap> LocalMapper::Insert(const NewKeyframe& new_keyfr
     const MapEdit edit = make_edit();
     Carry(step, edit, watch.ElapsedMs());
   };
+  TakeLabels(new_keyframe.labelled);
   if (new_keyframe.begins_part) {
     run("join", [&] { return LeavePart(); });
     open_part_ = OpenPart{id, new_keyframe.gap};
@@ -120,6 +121,16 @@ void LocalMapper::DropShreds() {
     edit.removed_keyframes.insert(edit.removed_keyframes.end(), part->begin(), part->end());
   }
   Carry("cull", edit, 0);
+}
+
+void LocalMapper::TakeLabels(const std::vector<LabelledKeyframe>& labelled) {
+  if (labelled.empty()) return;
+  MapEdit edit{.base_version = map_.version()};
+  for (const auto& [id, of_feature] : labelled) {
+    edit.labelled_keyframes.push_back(
+        {id, std::make_shared<const std::vector<Mobility>>(of_feature)});
+  }
+  Carry("label", edit, 0);
 }
 
 void LocalMapper::Apply(const MapEdit& edit) { carmap::Apply(edit, map_).value(); }

@@ -19,6 +19,7 @@
 #include "carmap/map/map.h"
 #include "carmap/map/map_edit.h"
 #include "carmap/map/map_snapshot.h"
+#include "carmap/semantics/keyframe_labeller.h"
 #include "carmap/slam/keyframe_culling.h"
 #include "carmap/slam/map_parts.h"
 #include "carmap/slam/map_window.h"
@@ -57,6 +58,7 @@ struct NewKeyframe {
   std::vector<std::pair<LandmarkId, uint32_t>> landmark_of_feature;
   bool begins_part = false;  ///< of the map, since the vehicle was lost before
   Gap gap;                   ///< if so, what is known from before
+  std::vector<LabelledKeyframe> labelled;  ///< keyframes before whose labels came meanwhile
 };
 
 /// What the mapper offers the tracker: the map around a keyframe, and the rig as calibrated so far.
@@ -95,6 +97,9 @@ class LocalMapper {
   /// Pose of a keyframe that was taken in, also of one that was redundant and went; nothing if it
   /// went with a part that came to nothing.
   std::optional<Rigid3> PoseOf(KeyframeId id) const;
+
+  /// Labels of keyframes, which vote on the landmarks that they see (§3.3).
+  void TakeLabels(const std::vector<LabelledKeyframe>& labelled);
 
   /// Takes in a change that was worked out elsewhere.
   void Apply(const MapEdit& edit);

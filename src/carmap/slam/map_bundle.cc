@@ -28,7 +28,10 @@ std::vector<LandmarkId> SharedLandmarks(const Map& map, const std::vector<Keyfra
   std::vector<LandmarkId> landmark_ids;
   for (const KeyframeId& id : ids) {
     for (const auto& link : map.LandmarksOf(id)) {
-      if (link && map.Find(*link)->observations.size() > 1) landmark_ids.push_back(*link);
+      if (!link) continue;
+      const Landmark& landmark = *map.Find(*link);
+      if (landmark.observations.size() > 1 && !landmark.is_non_static())
+        landmark_ids.push_back(*link);
     }
   }
   std::sort(landmark_ids.begin(), landmark_ids.end());

@@ -30,8 +30,8 @@ MapBundle MakeMapBundle(const Map& map, const StereoRig& rig, const MeasurementN
                         const std::vector<KeyframeId>& free_ids,
                         const std::vector<LandmarkId>& landmark_ids);
 
-/// Landmarks that these keyframes see and that constrain poses: those seen more than once.
-/// Ascending.
+/// Landmarks that these keyframes see and that constrain poses: those seen more than once and not
+/// voted non-static. Ascending.
 std::vector<LandmarkId> SharedLandmarks(const Map& map, const std::vector<KeyframeId>& ids);
 
 /// Moves poses and points to where they are in `adjusted`, takes observations away that do not

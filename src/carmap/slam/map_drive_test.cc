@@ -7,6 +7,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "carmap/map/strip.h"
+#include "carmap/semantics/segmenter.h"
 #include "carmap/slam/test_world.h"
 
 namespace carmap {
@@ -246,6 +248,75 @@ TEST(MapDrive, BearsARigThatIsNotPerfect) {
   EXPECT_LT(error.rmse_m, 0.07);
   const double enlargement = mapped.rig.camera.fx / drive.rig.camera.fx;
   EXPECT_NEAR(mapped.rig.disparity_bias.At(0) / enlargement, 0.15, 0.08);
+}
+
+/// Whatever is left of the middle is non-static.
+class LeftIsNonStatic final : public Segmenter {
+ public:
+  absl::StatusOr<cv::Mat> Segment(const SegmenterInput& input) override {
+    cv::Mat mobility(input.image.size(), CV_8UC1, cv::Scalar(1));
+    mobility.colRange(0, mobility.cols / 2) = static_cast<uint8_t>(Mobility::kNonStatic);
+    return mobility;
+  }
+};
+
+class Failing final : public Segmenter {
+ public:
+  absl::StatusOr<cv::Mat> Segment(const SegmenterInput&) override {
+    return absl::InternalError("the network is broken");
+  }
+};
+
+TEST(MapDrive, WhatIsNonStaticHoldsNoPoseAndEntersNoMap) {
+  MapDriveOptions options = kSequential;
+  options.segmenter = std::make_shared<LeftIsNonStatic>();
+  MemorySource source(RenderedDrive());
+  const MappedDrive mapped = MapOrFail(source, options);
+  ASSERT_TRUE(mapped.labelling);
+  EXPECT_EQ(mapped.labelling->labelled, mapped.labelling->keyframes);
+  const StrippedMap stripped = Strip(mapped.map, {kDrive, mapped.rig});
+  size_t on_the_left = 0;
+  for (const LandmarkId& id : stripped.sources) {
+    const Observation& first = mapped.map.Find(id)->observations.front();
+    const Feature& feature = (*mapped.map.Find(first.keyframe_id)->features)[first.feature_idx];
+    on_the_left += feature.x_px < 0.45 * mapped.rig.camera.width;
+  }
+  EXPECT_GT(stripped.sources.size(), 100u);
+  EXPECT_LT(static_cast<double>(on_the_left), 0.02 * static_cast<double>(stripped.sources.size()));
+  EXPECT_LT(ErrorOf(mapped, RenderedDrive()).rmse_m, 0.1);
+}
+
+TEST(MapDrive, LabelsComeAlikeOnThreadsAndWithout) {
+  for (const size_t every : {1u, 3u}) {
+    MapDriveOptions options;
+    options.segmenter = std::make_shared<LeftIsNonStatic>();
+    options.labelling.every = every;
+    std::vector<MappedDrive> drives;
+    for (const bool sequential : {true, false}) {
+      options.sequential = sequential;
+      MemorySource source(RenderedDrive());
+      drives.push_back(MapOrFail(source, options));
+    }
+    const auto lean = [](const MappedDrive& mapped) {
+      return Strip(mapped.map, {kDrive, mapped.rig}).lean;
+    };
+    const LeanMap a = lean(drives[0]), b = lean(drives[1]);
+    ASSERT_EQ(a.landmarks.size(), b.landmarks.size());
+    for (size_t i = 0; i < a.landmarks.size(); ++i) {
+      EXPECT_EQ(a.landmarks[i].position_in_map, b.landmarks[i].position_in_map);
+    }
+  }
+}
+
+TEST(MapDrive, GoesOnUnlabelledWithoutItsSegmenterAndSaysSo) {
+  MapDriveOptions options = kSequential;
+  options.segmenter = std::make_shared<Failing>();
+  MemorySource source(RenderedDrive());
+  const MappedDrive mapped = MapOrFail(source, options);
+  EXPECT_THAT(mapped.lost_frames, IsEmpty());
+  ASSERT_TRUE(mapped.labelling);
+  EXPECT_EQ(mapped.labelling->labelled, 0u);
+  EXPECT_THAT(mapped.labelling->failure, HasSubstr("the network is broken"));
 }
 
 }  // namespace
