@@ -515,6 +515,16 @@ TEST_F(CliTest, MeasuresHowWellSegmentersTellStaticFromNonStatic) {
   const cv::Mat picture = cv::imread((work() / "p.png").string());
   EXPECT_GT(picture.rows, 2 * 4 * 160) << "one above the other";
 
+  const Result landmarks = Run({"evaluate", "segmentation", "drive", "--segmenter", "labels",
+                                "--segmenter", "shifted", "--landmarks", "--report", "l.json"});
+  ASSERT_EQ(landmarks.exit_code, 0) << landmarks.err;
+  const nlohmann::json votes = ReadJson("l.json")["landmarks"];
+  ASSERT_EQ(votes.size(), 6u) << "three cycles each";
+  EXPECT_GT(votes[0]["non_static"], 0);
+  EXPECT_EQ(votes[0]["non_static_found"], votes[0]["non_static"]);
+  EXPECT_EQ(votes[0]["static_lost"], 0);
+  EXPECT_GT(votes[3]["static_lost"], 0);
+
   const Result every =
       Run({"evaluate", "segmentation", "drive", "--segmenter", "labels", "--every", "3"});
   EXPECT_THAT(every.out, HasSubstr("1 frame with labels"));

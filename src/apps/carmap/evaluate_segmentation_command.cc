@@ -20,12 +20,15 @@
 #include "carmap/base/stopwatch.h"
 #include "carmap/dataset/kitti_drive.h"
 #include "carmap/eval/canvas.h"
+#include "carmap/eval/landmark_votes.h"
 #include "carmap/eval/segmentation_picture.h"
 #include "carmap/eval/segmentation_score.h"
+#include "carmap/map/strip.h"
 #include "carmap/semantics/feature_mobility.h"
 #include "carmap/semantics/label_folder.h"
 #include "carmap/semantics/segmenter_choice.h"
 #include "carmap/slam/frame_extraction.h"
+#include "carmap/slam/map_drive.h"
 
 namespace carmap {
 namespace {
@@ -34,12 +37,14 @@ struct Arguments {
   std::string drive, report, picture;
   std::vector<std::string> segmenters;
   size_t every = 1;
+  bool landmarks = false;
 };
 
 struct Contestant {
   std::string name;
   std::shared_ptr<Segmenter> segmenter;
   SegmentationScore score;
+  FrameLabels labels;
 };
 
 cv::Size ImageSize(const StereoRig& rig) { return {rig.camera.width, rig.camera.height}; }
@@ -66,6 +71,7 @@ class Evaluation {
   /// `truth`: mobility of each pixel, of the image's size.
   absl::Status Take(const ExtractedFrame& frame, const cv::Mat& truth) {
     const auto true_features = MobilityOfFeatures(*frame.features, feature_image_, truth);
+    true_labels_[frame.index] = true_features;
     SegmentationPicture picture{fmt::format("frame {}", frame.index), frame.left, truth, {}};
     for (Contestant& contestant : contestants_) {
       const Stopwatch watch;
@@ -73,8 +79,9 @@ class Evaluation {
                               contestant.segmenter->Segment({frame.index, frame.left}));
       contestant.score.frame_ms.push_back(watch.ElapsedMs());
       contestant.score.TakePixels(truth, AtImageSize(told, truth.size()));
-      contestant.score.TakeFeatures(true_features,
-                                    MobilityOfFeatures(*frame.features, feature_image_, told));
+      auto& labels = contestant.labels[frame.index];
+      labels = MobilityOfFeatures(*frame.features, feature_image_, told);
+      contestant.score.TakeFeatures(true_features, labels);
       picture.told.push_back({contestant.name, told});
     }
     ++frames_;
@@ -86,6 +93,17 @@ class Evaluation {
     return absl::OkStatus();
   }
 
+  /// The landmarks of the drive's unfiltered map, by the votes of its keyframes.
+  void TakeLandmarks(const Map& map) {
+    for (const Contestant& contestant : contestants_) {
+      for (const size_t cycle : kCycles) {
+        landmarks_.push_back({contestant.name, cycle,
+                              VoteOnLandmarks(map, true_labels_, contestant.labels, cycle,
+                                              StripOptions().min_observations)});
+      }
+    }
+  }
+
   size_t frames() const { return frames_; }
   const SegmentationPicture& picture() const { return picture_; }
 
@@ -94,7 +112,21 @@ class Evaluation {
     for (const Contestant& contestant : contestants_) {
       scores.push_back({NameOf(contestant.name), contestant.score});
     }
-    return ToText(scores);
+    std::string text = ToText(scores);
+    if (landmarks_.empty()) return text;
+    constexpr const char* kRow = "{:<32} {:>14} {:>12} {:>20} {:>12} {:>22}\n";
+    text += "\n" + fmt::format(kRow, "landmarks of the map", "keyframes", "non-static", "found %",
+                               "static", "lost %");
+    for (const LandmarkScore& score : landmarks_) {
+      const MobilityConfusion& votes = score.votes;
+      text += fmt::format(
+          kRow, NameOf(score.name), score.cycle == 1 ? "all" : fmt::format("1 of {}", score.cycle),
+          votes.count(Mobility::kNonStatic),
+          fmt::format("{:.1f}", 100 * votes.Share(Mobility::kNonStatic, Mobility::kNonStatic)),
+          votes.count(Mobility::kStatic),
+          fmt::format("{:.1f}", 100 * votes.Share(Mobility::kStatic, Mobility::kNonStatic)));
+    }
+    return text;
   }
 
   nlohmann::ordered_json Json() const {
@@ -104,11 +136,33 @@ class Evaluation {
       json["segmenter"] = contestant.name;
       json.update(ToJson(contestant.score));
     }
-    return {{"frames", frames_}, {"segmenters", segmenters}};
+    nlohmann::ordered_json json = {{"frames", frames_}, {"segmenters", segmenters}};
+    for (const LandmarkScore& score : landmarks_) {
+      const MobilityConfusion& votes = score.votes;
+      const auto of = [&](Mobility truth, Mobility told) { return votes.count(truth, told); };
+      json["landmarks"].push_back(
+          {{"segmenter", score.name},
+           {"cycle", score.cycle},
+           {"non_static", votes.count(Mobility::kNonStatic)},
+           {"non_static_found", of(Mobility::kNonStatic, Mobility::kNonStatic)},
+           {"static", votes.count(Mobility::kStatic)},
+           {"static_lost", of(Mobility::kStatic, Mobility::kNonStatic)}});
+    }
+    return json;
   }
 
  private:
+  /// Every so many keyframes are labelled (figure A.6).
+  static constexpr size_t kCycles[] = {1, 2, 4};
+  struct LandmarkScore {
+    std::string name;
+    size_t cycle;
+    MobilityConfusion votes;
+  };
+
   std::vector<Contestant> contestants_;
+  FrameLabels true_labels_;
+  std::vector<LandmarkScore> landmarks_;
   const cv::Size feature_image_;
   size_t frames_ = 0;
   int most_non_static_ = -1;
@@ -135,6 +189,16 @@ absl::StatusOr<Evaluation> EvaluateFrames(KittiDrive& drive, const Arguments& ar
   return evaluation;
 }
 
+absl::Status EvaluateLandmarks(const Arguments& arguments, Evaluation& evaluation) {
+  CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive));
+  Progress progress("mapping", drive->size());
+  const auto mapped =
+      MapDrive(*drive, drive->id(), {}, [&](size_t frames, size_t) { progress.Update(frames); });
+  if (!mapped.ok()) return WithName(arguments.drive, mapped.status());
+  evaluation.TakeLandmarks(mapped->map);
+  return absl::OkStatus();
+}
+
 absl::StatusOr<ExitCode> EvaluateSegmentation(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   for (const std::string& segmenter : arguments.segmenters) {
@@ -142,13 +206,14 @@ absl::StatusOr<ExitCode> EvaluateSegmentation(const Arguments& arguments) {
   }
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.report, arguments.picture}, inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive));
-  CARMAP_ASSIGN_OR_RETURN(const Evaluation evaluation, EvaluateFrames(*drive, arguments));
+  CARMAP_ASSIGN_OR_RETURN(Evaluation evaluation, EvaluateFrames(*drive, arguments));
   if (evaluation.frames() == 0) {
     return absl::FailedPreconditionError(
         fmt::format("{}: none of its frames can be used and has labels; write labels/ of these "
                     "frames, or give a smaller --every",
                     arguments.drive));
   }
+  if (arguments.landmarks) CARMAP_RETURN_IF_ERROR(EvaluateLandmarks(arguments, evaluation));
   CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, evaluation.Json()));
   if (!arguments.picture.empty()) {
     SegmentationPicture picture = evaluation.picture();
@@ -179,6 +244,9 @@ void AddEvaluateSegmentation(CLI::App& evaluate, Command& chosen) {
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str()
       ->type_name("N");
+  command->add_flag("--landmarks", arguments->landmarks,
+                    "Map the drive too, without a filter, and let its keyframes vote on what its "
+                    "landmarks are: all, every other and every fourth of them");
   command
       ->add_option("--report", arguments->report, "Write the figures as JSON, shares from 0 to 1")
       ->type_name("R.json");
@@ -187,7 +255,7 @@ void AddEvaluateSegmentation(CLI::App& evaluate, Command& chosen) {
                    "Draw what each told of the frame that shows most of what is not static")
       ->type_name("P.png");
   command->footer(fmt::format(
-      R"(Figure 17 of the paper, without its vote over keyframes. Of the pixels, and of the features that
+      R"(Figures 17 and A.6 of the paper. Of the pixels, and of the features that
 `carmap map` finds: how many are told rightly, IoU (intersection over union), which share of the
 non-static features is found, and which of the static ones is lost, being called non-static. Where
 truth is unknown nothing is counted, where a segmenter tells nothing it is wrong. Times are of the

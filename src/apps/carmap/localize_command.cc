@@ -40,7 +40,8 @@ namespace carmap {
 namespace {
 
 struct Arguments {
-  std::string drive, map, map_truth, segmenter, trajectory, report, picture, frame_picture, error_picture;
+  std::string drive, map, map_truth, segmenter, trajectory, report, picture, frame_picture,
+      error_picture;
   FrameRange range;
 };
 
