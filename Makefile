@@ -5,7 +5,7 @@ export CMAKE_BUILD_PARALLEL_LEVEL := $(JOBS)
 
 .DEFAULT_GOAL := help
 .PHONY: help setup build demo test bench evaluate evaluate-localization evaluate-slam vocabulary \
-  lint format asan tsan fuzz clean
+  segmenter lint format asan tsan fuzz clean
 
 help:  ## list these commands
 	@echo 'make COMMAND [JOBS=N]      (N processes at once; default: one a core)'
@@ -42,6 +42,10 @@ evaluate-slam: build  ## loops and errors of drives simulated along KITTI paths 
 
 vocabulary: build  ## make the program's default vocabulary anew, of simulated drives
 	@scripts/train_vocabulary.sh
+
+segmenter: build  ## make the program's default segmentation network anew, of simulated drives
+	@scripts/install_dependencies.sh segmenter
+	@scripts/train_segmenter.sh
 
 lint:  ## formatting, clang-tidy, shell scripts
 	@scripts/install_dependencies.sh lint

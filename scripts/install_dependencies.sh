@@ -2,7 +2,7 @@
 # Installs the Debian 12 packages that CarMap is built with; only those missing, so that a machine
 # that has them needs neither network nor root.
 #
-#   scripts/install_dependencies.sh [build] [lint] [fuzz]     (default: build)
+#   scripts/install_dependencies.sh [build] [lint] [fuzz] [segmenter]     (default: build)
 set -euo pipefail
 
 build_packages=(
@@ -16,6 +16,7 @@ build_packages=(
 )
 lint_packages=(clang-format clang-tidy shellcheck)
 fuzz_packages=(clang-14 libclang-rt-14-dev)
+segmenter_packages=(python3-torch python3-opencv python3-numpy)
 
 fail() {
   echo "install_dependencies.sh: $*" >&2
@@ -32,7 +33,8 @@ for group in "$@"; do
     build) ;;
     lint) packages+=("${lint_packages[@]}") ;;
     fuzz) packages+=("${fuzz_packages[@]}") ;;
-    *) fail "unknown group '$group'; the groups are build, lint and fuzz" ;;
+    segmenter) packages+=("${segmenter_packages[@]}") ;;
+    *) fail "unknown group '$group'; the groups are build, lint, fuzz and segmenter" ;;
   esac
 done
 
