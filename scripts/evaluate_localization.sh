@@ -8,7 +8,8 @@
 # By default each three conditions meet in a cell, and the cells of which there is a record run
 # always; ALL=1 runs every cell. SEEDS, SIZES and SCENES select (SEEDS=31 SIZES=620x188
 # SCENES="suburb downtown"). BASELINES=1 localizes the named cells by appearance too, as ORB-SLAM2
-# and QuickSketch would, in full maps. CELLS="SCENE MAP_TRAFFIC LANE TRAFFIC LIGHT" runs only these,
+# and QuickSketch would, in full maps. SEGMENTER=default (or what else --segmenter takes) maps and
+# localizes with the dynamic object filter too, which the tables have beside. CELLS="SCENE MAP_TRAFFIC LANE TRAFFIC LIGHT" runs only these,
 # a cell a line.
 #
 # Drives are kept in $CARMAP_DRIVES, or else in build/drives, for all evaluations; remove them after
@@ -85,7 +86,17 @@ evaluate_cell() { # SCENE SEED SIZE MAP_TRAFFIC LANE TRAFFIC LIGHT
   # That no frame was found is a result too.
   [[ -s "$report.json" ]] || "$carmap" localize "$drive" --map "$map.cmap" --map-truth "$map_drive" \
     --report "$report.json" >&2 || [[ -s "$report.json" ]]
+  [[ -z "${SEGMENTER:-}" ]] || evaluate_filtered "$map_drive" "$drive" "$map" "$report"
   [[ -z "${BASELINES:-}" ]] || evaluate_baselines "$@" "$map_drive" "$drive" "$map" "$report"
+}
+
+# With the dynamic object filter in both drives (§3.3).
+evaluate_filtered() { # MAP_DRIVE DRIVE MAP REPORT
+  [[ -s "$3-filtered.cmap" ]] || tolerate_lost_frames "$carmap" map "$1" --out "$3-filtered.cmap" \
+    --segmenter "$SEGMENTER" --report "$3-filtered.json"
+  [[ -s "$4-by_filter.json" ]] || "$carmap" localize "$2" --map "$3-filtered.cmap" \
+    --map-truth "$1" --segmenter "$SEGMENTER" --report "$4-by_filter.json" >&2 ||
+    [[ -s "$4-by_filter.json" ]]
 }
 
 # As ORB-SLAM2 and QuickSketch would, in the named cells.

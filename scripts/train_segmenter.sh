@@ -32,6 +32,10 @@ mkdir -p "$drives"/{train,validation,test} "$(dirname "$network")"
 render train 2001 1241x376 5
 render train 2101 1241x376 5 --path straight --lane 1
 render train 2201 620x188 5 --path curves --reverse
+render train 2301 620x188 6 --path straight
+render train 2401 620x188 6 --path curves --lane 1
+render train 2501 620x188 6 --path straight --reverse --lane 1
+render train 2601 620x188 6 --path curves
 render validation 3001 620x188 3 --path straight
 render test 4001 1241x376 3
 render test 4101 620x188 3 --path straight --lane 1

@@ -530,6 +530,48 @@ TEST_F(CliTest, MeasuresHowWellSegmentersTellStaticFromNonStatic) {
   EXPECT_THAT(every.out, HasSubstr("1 frame with labels"));
 }
 
+TEST_F(CliTest, LeavesWhatIsNonStaticOutOfItsMap) {
+  CopyTestDrive(1, 8, work() / "drive");
+  const auto map = [&](const std::string& segmenter, const std::string& name) {
+    const Result result = Run({"map", "drive", "--out", name + ".cmap", "--segmenter", segmenter,
+                               "--report", name + ".json"});
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return ReadJson(name + ".json");
+  };
+  WriteLabels(work() / "drive/labels", 8, 120);
+  const nlohmann::json none = map("none", "none"), labels = map("labels", "labels");
+  EXPECT_FALSE(none.contains("labelling"));
+  EXPECT_EQ(labels["labelling"]["labelled"], labels["labelling"]["keyframes"]);
+  EXPECT_GT(labels["labelling"]["non_static_landmarks"], 0);
+  EXPECT_LT(labels["landmarks"], none["landmarks"]);
+  EXPECT_EQ(map("default", "default")["labelling"]["failure"], "");
+
+  const Result localized =
+      Run({"localize", "drive", "--map", "labels.cmap", "--segmenter", "labels"});
+  EXPECT_EQ(localized.exit_code, 0) << localized.err;
+
+  const Result sheets =
+      Run({"evaluate", "landmarks", "drive", "--segmenter", "labels", "--kept", "kept.png",
+           "--removed", "removed.png", "--list", "list.csv", "--count", "30"});
+  ASSERT_EQ(sheets.exit_code, 0) << sheets.err;
+  EXPECT_THAT(sheets.out, HasSubstr("30 landmarks kept"));
+  EXPECT_GT(cv::imread((work() / "kept.png").string()).rows, 2 * 72);
+}
+
+TEST_F(CliTest, SaysWhenItsMapIsUnfiltered) {
+  CopyTestDrive(1, 5, work() / "drive");
+  WriteLabels(work() / "drive/labels", 6, 120);
+  for (const int frame : {1, 2, 3, 4}) {  // the first is what is looked at before the drive
+    cv::imwrite((work() / fmt::format("drive/labels/{:06}.png", frame + 1)).string(),
+                cv::Mat(16, 32, CV_8UC1, cv::Scalar(0)));
+  }
+  const Result result = Run({"map", "drive", "--out", "m.cmap", "--segmenter", "labels"});
+  EXPECT_EQ(result.exit_code, 3);
+  EXPECT_THAT(result.err, AllOf(HasSubstr("may hold what was parked or moved"),
+                                HasSubstr("labels/000002.png")));
+  EXPECT_TRUE(fs::exists(work() / "m.cmap"));
+}
+
 TEST_F(CliTest, RefusesSegmentersAndLabelsThatItCannotEvaluate) {
   const std::vector<std::string> command = {"evaluate", "segmentation", "drive", "--segmenter"};
   const auto with = [&](const std::vector<std::string>& arguments) {

@@ -31,6 +31,7 @@ void AddEvaluateLocalization(CLI::App& evaluate, Command& chosen);
 void AddEvaluateMatching(CLI::App& evaluate, Command& chosen);
 void AddEvaluatePlaces(CLI::App& evaluate, Command& chosen);
 void AddEvaluateRealism(CLI::App& evaluate, Command& chosen);
+void AddEvaluateLandmarks(CLI::App& evaluate, Command& chosen);
 void AddEvaluateSegmentation(CLI::App& evaluate, Command& chosen);
 
 }  // namespace carmap

@@ -59,6 +59,7 @@ Exit codes: 0 done, 1 error, 2 wrong usage)");
   AddEvaluateMatching(*command, chosen);
   AddEvaluatePlaces(*command, chosen);
   AddEvaluateRealism(*command, chosen);
+  AddEvaluateLandmarks(*command, chosen);
   AddEvaluateSegmentation(*command, chosen);
   command->footer(R"(`carmap evaluate COMMAND --help` explains each.
 

@@ -7,6 +7,7 @@ namespace carmap {
 const char* const kSegmenterHelp =
     R"(What tells static from non-static (persons and vehicles, parked ones too) is a segmenter:
   none       nothing does
+  default    the network that comes with the program: for simulated drives (docs/segmenter.md)
   labels     the drive's own labels/, as `carmap simulate --labels` writes them: the truth
   FOLDER     labels in another folder: 000000.png ..., Cityscapes train ids, 255 for none
   NET.onnx   a network, described by NET.json beside it (docs/segmenter_networks.md)
@@ -19,7 +20,7 @@ void AddSegmenterOption(CLI::App& command, std::string& segmenter) {
                   "Leave what moves, or may move, out of the map that is made: told by a network, "
                   "or by the labels of a simulated drive; see below")
       ->capture_default_str()
-      ->type_name("none|labels|NET.onnx");
+      ->type_name("none|default|labels|NET.onnx");
 }
 
 std::vector<std::string> FilesOfSegmenter(const std::string& segmenter) {

@@ -20,7 +20,7 @@ TEST(SegmenterOptionTest, IsNoneUnlessGiven) {
   EXPECT_EQ(segmenter, "none");
   app.parse("--segmenter net.onnx");
   EXPECT_EQ(segmenter, "net.onnx");
-  EXPECT_THAT(app.help(), HasSubstr("--segmenter none|labels|NET.onnx"));
+  EXPECT_THAT(app.help(), HasSubstr("--segmenter none|default|labels|NET.onnx"));
 }
 
 TEST(SegmenterOptionTest, NamesTheFilesThatAreRead) {

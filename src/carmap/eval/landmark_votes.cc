@@ -5,18 +5,24 @@
 namespace carmap {
 namespace {
 
-/// Votes for static are positive, for non-static negative.
-int BalanceOf(const Landmark& landmark, const FrameLabels& labels,
-              const absl::flat_hash_set<KeyframeId>& voters) {
-  int balance = 0;
+MobilityVotes VotesOn(const Landmark& landmark, const FrameLabels& labels,
+                      const absl::flat_hash_set<KeyframeId>& voters) {
+  MobilityVotes votes;
   for (const auto& [keyframe_id, feature_idx] : landmark.observations) {
     if (!voters.contains(keyframe_id)) continue;
     const auto of_frame = labels.find(keyframe_id.index);
     if (of_frame == labels.end()) continue;
     const Mobility mobility = of_frame->second[feature_idx];
-    balance += (mobility == Mobility::kStatic) - (mobility == Mobility::kNonStatic);
+    votes.is_static += mobility == Mobility::kStatic;
+    votes.non_static += mobility == Mobility::kNonStatic;
   }
-  return balance;
+  return votes;
+}
+
+/// By the same majority as in a map.
+Mobility Elected(const MobilityVotes& votes) {
+  if (votes.is_static + votes.non_static == 0) return Mobility::kUnknown;
+  return Landmark{.votes = votes}.is_non_static() ? Mobility::kNonStatic : Mobility::kStatic;
 }
 
 absl::flat_hash_set<KeyframeId> EveryNth(const Map& map, size_t n) {
@@ -35,11 +41,8 @@ MobilityConfusion VoteOnLandmarks(const Map& map, const FrameLabels& truth, cons
   MobilityConfusion confusion;
   for (const auto& [id, landmark] : map.landmarks()) {
     if (landmark.observations.size() < min_observations) continue;
-    const int told_balance = BalanceOf(landmark, told, labelled);
-    confusion.Add(BalanceOf(landmark, truth, all) < 0 ? Mobility::kNonStatic : Mobility::kStatic,
-                  told_balance < 0   ? Mobility::kNonStatic
-                  : told_balance > 0 ? Mobility::kStatic
-                                     : Mobility::kUnknown);
+    confusion.Add(Elected(VotesOn(landmark, truth, all)),
+                  Elected(VotesOn(landmark, told, labelled)));
   }
   return confusion;
 }

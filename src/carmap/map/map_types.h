@@ -50,8 +50,9 @@ struct Landmark {
   std::vector<Observation> observations;  ///< ascending by keyframe, one a keyframe
   MobilityVotes votes;
 
-  /// By majority: of traffic, or parked. It holds no pose and enters no lean map.
-  bool is_non_static() const { return votes.non_static > votes.is_static; }
+  /// By two votes in three, since segmenters flicker: of traffic, or parked. It holds no pose and
+  /// enters no lean map.
+  bool is_non_static() const { return votes.non_static > 2 * votes.is_static; }
 };
 
 }  // namespace carmap

@@ -181,6 +181,13 @@ int ToMultiple(double side_px, int multiple) {
 absl::StatusOr<NetworkDescription> ReadNetworkDescription(const fs::path& path) {
   const fs::path json_path = fs::path(path).replace_extension(".json");
   CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadText(json_path));
+  CARMAP_ASSIGN_OR_RETURN(NetworkDescription description, ParseNetworkDescription(text, json_path));
+  if (path != json_path) description.network = path;
+  return description;
+}
+
+absl::StatusOr<NetworkDescription> ParseNetworkDescription(std::string_view text,
+                                                           const fs::path& json_path) {
   const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
   Reader reader(json_path);
   if (!json.is_object()) {
@@ -195,7 +202,6 @@ absl::StatusOr<NetworkDescription> ReadNetworkDescription(const fs::path& path) 
   ReadInput(reader.Object(json, "input"), reader, description);
   description.of_class = ReadClasses(json, reader);
   if (!reader.status().ok()) return reader.status();
-  if (path != json_path) description.network = path;
   return description;
 }
 

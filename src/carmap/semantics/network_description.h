@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <opencv2/core/types.hpp>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "carmap/semantics/mobility.h"
@@ -30,6 +31,10 @@ struct NetworkDescription {
 /// of the format, of their types and within their bounds; classes that are unknown or of one
 /// mobility only.
 absl::StatusOr<NetworkDescription> ReadNetworkDescription(const std::filesystem::path& path);
+
+/// The same of the text of a JSON file, which `json_path` names in errors.
+absl::StatusOr<NetworkDescription> ParseNetworkDescription(std::string_view text,
+                                                           const std::filesystem::path& json_path);
 
 /// The size to which an image is brought for the network, whatever its proportions.
 cv::Size NetworkInputSize(const NetworkDescription& description, cv::Size image);

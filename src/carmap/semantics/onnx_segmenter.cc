@@ -34,8 +34,7 @@ std::string CauseOf(const std::exception& error) {
   return cause;
 }
 
-absl::StatusOr<cv::dnn::Net> ReadNetwork(const fs::path& path) {
-  CARMAP_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, kMaxNetworkBytes));
+absl::StatusOr<cv::dnn::Net> DecodeNetwork(std::string_view bytes, const fs::path& path) {
   try {
     cv::dnn::Net network = cv::dnn::readNetFromONNX(bytes.data(), bytes.size());
     if (!network.empty()) return network;
@@ -141,9 +140,16 @@ class OnnxSegmenter : public Segmenter {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<Segmenter>> LoadOnnxSegmenter(const fs::path& path, cv::Size image) {
-  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
   CARMAP_ASSIGN_OR_RETURN(NetworkDescription description, ReadNetworkDescription(path));
-  CARMAP_ASSIGN_OR_RETURN(cv::dnn::Net network, ReadNetwork(description.network));
+  CARMAP_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(description.network, kMaxNetworkBytes));
+  return MakeOnnxSegmenter(bytes, std::move(description), image);
+}
+
+absl::StatusOr<std::unique_ptr<Segmenter>> MakeOnnxSegmenter(std::string_view bytes,
+                                                             NetworkDescription description,
+                                                             cv::Size image) {
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+  CARMAP_ASSIGN_OR_RETURN(cv::dnn::Net network, DecodeNetwork(bytes, description.network));
   auto segmenter = std::make_unique<OnnxSegmenter>(std::move(network), std::move(description));
   CARMAP_RETURN_IF_ERROR(segmenter->CheckOutputs());
   const cv::Mat blank(image, CV_8UC1, cv::Scalar(0));

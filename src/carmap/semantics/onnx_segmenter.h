@@ -11,7 +11,9 @@
 #include <filesystem>
 #include <memory>
 #include <opencv2/core/types.hpp>
+#include <string_view>
 
+#include "carmap/semantics/network_description.h"
 #include "carmap/semantics/segmenter.h"
 
 namespace carmap {
@@ -25,6 +27,11 @@ namespace carmap {
 /// than described, several outputs, or one that is not 1 x classes x rows x columns. Segment fails
 /// where the network fails or a score is not a finite number.
 absl::StatusOr<std::unique_ptr<Segmenter>> LoadOnnxSegmenter(const std::filesystem::path& path,
+                                                             cv::Size image);
+
+/// The same with the bytes of the ONNX file, which `description.network` names in errors.
+absl::StatusOr<std::unique_ptr<Segmenter>> MakeOnnxSegmenter(std::string_view bytes,
+                                                             NetworkDescription description,
                                                              cv::Size image);
 
 }  // namespace carmap

@@ -4,6 +4,7 @@
 
 #include <system_error>
 
+#include "carmap/semantics/default_segmenter.h"
 #include "carmap/semantics/label_folder.h"
 #include "carmap/semantics/onnx_segmenter.h"
 
@@ -14,6 +15,7 @@ absl::StatusOr<std::shared_ptr<Segmenter>> MakeSegmenter(const std::string& choi
                                                          cv::Size image) {
   if (choice == "none") return nullptr;
   if (choice == "labels") return OpenLabelFolder(drive / "labels", image);
+  if (choice == "default") return MakeDefaultSegmenter(image);
   const std::filesystem::path path = choice;
   if (path.extension() == ".onnx" || path.extension() == ".json") {
     return LoadOnnxSegmenter(path, image);
@@ -21,7 +23,7 @@ absl::StatusOr<std::shared_ptr<Segmenter>> MakeSegmenter(const std::string& choi
   std::error_code error;
   if (std::filesystem::is_directory(path, error)) return OpenLabelFolder(path, image);
   return absl::InvalidArgumentError(fmt::format(
-      "{}: is no segmenter; give none, labels, a folder of labels, or a network's .onnx "
+      "{}: is no segmenter; give none, default, labels, a folder of labels, or a network's .onnx "
       "or .json file",
       choice));
 }

@@ -33,7 +33,7 @@ TEST(SegmenterChoiceTest, FollowsTheUsersWord) {
   }
   EXPECT_THAT(error("absent.onnx"), HasSubstr("absent.json: no such file"));
   EXPECT_THAT(error("absent.json"), HasSubstr("absent.json: no such file"));
-  EXPECT_THAT(error("label"), HasSubstr("label: is no segmenter; give none, labels"));
+  EXPECT_THAT(error("label"), HasSubstr("label: is no segmenter; give none, default, labels"));
   EXPECT_THAT(error(""), HasSubstr("is no segmenter"));
 }
 
