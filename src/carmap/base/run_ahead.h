@@ -36,9 +36,7 @@ class RunAhead {
   RunAhead& operator=(const RunAhead&) = delete;
 
   /// The results in order; nothing after the last.
-  std::optional<T> Next() {
-    return thread_.joinable() ? queue_.Pop() : Produce();
-  }
+  std::optional<T> Next() { return thread_.joinable() ? queue_.Pop() : Produce(); }
 
  private:
   static constexpr size_t kQueueLength = 2;

@@ -147,7 +147,8 @@ void DriveMapper::FollowUp(const ExtractedFrame& frame, TrackedFrame& tracked) {
         .landmark_of_feature = tracked.landmark_of_feature,
         .begins_part = tracked.begins_part,
         .gap = tracked.gap};
-    if (labeller_) keyframe.labelled = labeller_->Offer(id, frame.index, frame.left, frame.features);
+    if (labeller_)
+      keyframe.labelled = labeller_->Offer(id, frame.index, frame.left, frame.features);
     mapping_->Insert(std::move(keyframe));
     if (!tracked.reference) tracker_.BeginAt(frame.timestamp, id);
     tracked.reference = id;

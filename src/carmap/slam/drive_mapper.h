@@ -68,13 +68,13 @@ struct MappedDrive {
   StereoRig rig;  ///< in whose pixels features are, with the disparity bias found on the way
   Trajectory trajectory;  ///< in the map's frame, one entry a frame, after all adjustments
   std::vector<LostFrame> lost_frames;
-  std::vector<MapPart> parts;                ///< one if the whole map holds together
-  std::vector<Loop> loops;                   ///< that were closed
-  size_t rejected_loop_keyframes = 0;        ///< see LoopDetector::rejected_count
-  std::optional<Georeference> georeference;  ///< where GPS fixes tell it
+  std::vector<MapPart> parts;                 ///< one if the whole map holds together
+  std::vector<Loop> loops;                    ///< that were closed
+  size_t rejected_loop_keyframes = 0;         ///< see LoopDetector::rejected_count
+  std::optional<Georeference> georeference;   ///< where GPS fixes tell it
   std::optional<LabellingSummary> labelling;  ///< where keyframes were to be labelled
-  std::vector<double> frame_ms;              ///< from images in memory to the frame's pose
-  std::map<std::string, double> stage_ms;    ///< total of each stage
+  std::vector<double> frame_ms;               ///< from images in memory to the frame's pose
+  std::map<std::string, double> stage_ms;     ///< total of each stage
 };
 
 class DriveMapper {

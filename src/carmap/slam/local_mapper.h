@@ -56,8 +56,8 @@ struct LocalMapperOptions {
 struct NewKeyframe {
   Keyframe keyframe;
   std::vector<std::pair<LandmarkId, uint32_t>> landmark_of_feature;
-  bool begins_part = false;  ///< of the map, since the vehicle was lost before
-  Gap gap;                   ///< if so, what is known from before
+  bool begins_part = false;                ///< of the map, since the vehicle was lost before
+  Gap gap;                                 ///< if so, what is known from before
   std::vector<LabelledKeyframe> labelled;  ///< keyframes before whose labels came meanwhile
 };
 

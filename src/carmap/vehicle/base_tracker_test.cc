@@ -137,8 +137,8 @@ TEST_F(BaseTrackerTest, IsNotDraggedAlongByTraffic) {
   const auto poses = DriveAlong(0, 2, 100, 1);
   for (size_t n = 0; n < poses.size(); ++n) {
     const bool is_dragged = n >= 30 && n < 36;
-    const VehiclePose pose = is_dragged ? vehicle.DriveDragged(traffic, poses[n])
-                                        : vehicle.Drive(street_, poses[n]);
+    const VehiclePose pose =
+        is_dragged ? vehicle.DriveDragged(traffic, poses[n]) : vehicle.Drive(street_, poses[n]);
     ASSERT_EQ(pose.known_by, is_dragged ? KnownBy::kDeadReckoning : KnownBy::kMap) << n;
     EXPECT_LT(PositionError(pose, poses[n]), is_dragged ? 1.0 : 0.1) << n;
   }
