@@ -9,8 +9,8 @@
 # always; ALL=1 runs every cell. SEEDS, SIZES and SCENES select (SEEDS=31 SIZES=620x188
 # SCENES="suburb downtown"). BASELINES=1 localizes the named cells by appearance too, as ORB-SLAM2
 # and QuickSketch would, in full maps. SEGMENTER=default (or what else --segmenter takes) maps and
-# localizes with the dynamic object filter too, which the tables have beside. CELLS="SCENE MAP_TRAFFIC LANE TRAFFIC LIGHT" runs only these,
-# a cell a line.
+# localizes with the dynamic object filter too, which the tables have beside.
+# CELLS="SCENE MAP_TRAFFIC LANE TRAFFIC LIGHT" runs only these, a cell a line.
 #
 # Drives are kept in $CARMAP_DRIVES, or else in build/drives, for all evaluations; remove them after
 # the simulator changed. Maps and reports are made anew, unless RESUME=1.

@@ -539,6 +539,7 @@ TEST_F(CliTest, LeavesWhatIsNonStaticOutOfItsMap) {
     return ReadJson(name + ".json");
   };
   WriteLabels(work() / "drive/labels", 8, 120);
+  fs::copy(work() / "drive/labels/000001.png", work() / "drive/labels/000000.png");
   const nlohmann::json none = map("none", "none"), labels = map("labels", "labels");
   EXPECT_FALSE(none.contains("labelling"));
   EXPECT_EQ(labels["labelling"]["labelled"], labels["labelling"]["keyframes"]);
@@ -570,6 +571,24 @@ TEST_F(CliTest, SaysWhenItsMapIsUnfiltered) {
   EXPECT_THAT(result.err, AllOf(HasSubstr("may hold what was parked or moved"),
                                 HasSubstr("labels/000002.png")));
   EXPECT_TRUE(fs::exists(work() / "m.cmap"));
+
+  const Result localized = Run({"localize", "drive", "--map", "m.cmap", "--segmenter", "labels"});
+  EXPECT_EQ(localized.exit_code, 3);
+  EXPECT_THAT(localized.err, HasSubstr("may have tracked itself by traffic"));
+}
+
+TEST_F(CliTest, SaysWhenItsSegmenterTellsNothing) {
+  CopyTestDrive(1, 5, work() / "drive");
+  fs::create_directories(work() / "drive/labels");
+  cv::imwrite((work() / "drive/labels/000099.png").string(), cv::Mat::zeros(160, 320, CV_8UC1));
+  const Result result = Run({"map", "drive", "--out", "m.cmap", "--segmenter", "labels"});
+  EXPECT_EQ(result.exit_code, 3);
+  EXPECT_THAT(result.err, HasSubstr("told nothing of any keyframe"));
+  EXPECT_THAT(result.out, testing::ContainsRegex("segmented +0 of"));
+  const Result sheets = Run({"evaluate", "landmarks", "drive", "--segmenter", "none", "--kept",
+                             "k.png", "--removed", "r.png", "--list", "l.csv"});
+  EXPECT_EQ(sheets.exit_code, 1);
+  EXPECT_FALSE(fs::exists(work() / "k.png"));
 }
 
 TEST_F(CliTest, RefusesSegmentersAndLabelsThatItCannotEvaluate) {

@@ -114,10 +114,16 @@ absl::StatusOr<ExitCode> EvaluateLandmarks(const Arguments& arguments) {
   const PinholeCamera& camera = drive->rig().camera;
   CARMAP_ASSIGN_OR_RETURN(options.segmenter, MakeSegmenter(arguments.segmenter, arguments.drive,
                                                            {camera.width, camera.height}));
+  if (!options.segmenter) {
+    return absl::InvalidArgumentError(
+        "--segmenter none: keeps all and removes nothing, so there is nothing to judge; name one");
+  }
   Progress progress("mapping", drive->size());
   const auto mapped = MapDrive(*drive, drive->id(), options,
                                [&](size_t frames, size_t) { progress.Update(frames); });
   if (!mapped.ok()) return WithName(arguments.drive, mapped.status());
+  const bool is_filtered =
+      CheckLabelling(mapped->labelling, arguments.segmenter, "what it could not label is kept");
 
   const double camera_px_per_px = static_cast<double>(camera.width) / mapped->rig.camera.width;
   auto kept = Draw(mapped->map, /*non_static=*/false, arguments, camera_px_per_px);
@@ -135,7 +141,7 @@ absl::StatusOr<ExitCode> EvaluateLandmarks(const Arguments& arguments) {
   CARMAP_RETURN_IF_ERROR(WriteFileAtomically(arguments.list, list));
   fmt::print("drawn         {} kept, {} removed\n", Count(kept.size(), "landmark"),
              Count(removed.size(), "landmark"));
-  return kSuccess;
+  return is_filtered ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -170,7 +176,7 @@ Example:
   carmap evaluate landmarks kitti06_000-050 --segmenter espnetv2.json --kept kept.png \
     --removed removed.png --list list.csv
 
-Exit codes: 0 drawn, 1 error, 2 wrong usage)",
+Exit codes: 0 drawn, 1 error, 2 wrong usage, 3 drawn but the segmenter failed)",
       kSegmenterHelp));
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return EvaluateLandmarks(*arguments); }; });

@@ -240,13 +240,14 @@ void AddEvaluateSegmentation(CLI::App& evaluate, Command& chosen) {
       ->required()
       ->allow_extra_args(false)
       ->type_name("NET.onnx");
-  command->add_option("--every", arguments->every, "Take every n-th frame alone")
-      ->check(CLI::Range(1, 1000000))
-      ->capture_default_str()
-      ->type_name("N");
-  command->add_flag("--landmarks", arguments->landmarks,
-                    "Map the drive too, without a filter, and let its keyframes vote on what its "
-                    "landmarks are: all, every other and every fourth of them");
+  CLI::Option* every =
+      command->add_option("--every", arguments->every, "Take every n-th frame alone");
+  every->check(CLI::Range(1, 1000000))->capture_default_str()->type_name("N");
+  command
+      ->add_flag("--landmarks", arguments->landmarks,
+                 "Map the drive too, without a filter, and let its keyframes vote on what its "
+                 "landmarks are: all, every other and every fourth of them")
+      ->excludes(every);
   command
       ->add_option("--report", arguments->report, "Write the figures as JSON, shares from 0 to 1")
       ->type_name("R.json");

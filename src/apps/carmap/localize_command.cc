@@ -98,7 +98,8 @@ struct LocalizedDrive {
   std::vector<double> frame_ms;
   size_t by_map = 0, by_dead_reckoning = 0;
   double longest_dead_reckoning_m = 0;
-  FramePicture best_frame;  ///< the one with most landmarks
+  FramePicture best_frame;                    ///< the one with most landmarks
+  std::optional<LabellingSummary> labelling;  ///< of the vehicle's own keyframes
 
   size_t localized() const { return by_map + by_dead_reckoning; }
 };
@@ -130,6 +131,7 @@ class DriveLocalizer {
   }
 
   LocalizedDrive& drive() { return drive_; }
+  std::optional<LabellingSummary> labelling() const { return own_map_.labelling(); }
 
  private:
   static constexpr size_t kMinFeatures = 50;  ///< fewer come of a black or blinded image
@@ -182,6 +184,7 @@ LocalizedDrive LocalizeDrive(KittiDrive& drive, const LoadedMap& loaded,
     localizer.Take(*frame);
     progress.Update(taken, fmt::format("{} localized", localizer.drive().localized()));
   }
+  localizer.drive().labelling = localizer.labelling();
   return std::move(localizer.drive());
 }
 
@@ -383,7 +386,9 @@ absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
   PrintSummary(loaded, localized, error);
   PrintLostFrames(arguments.drive, localized.unusable_frames);
   PrintNotFound(localized);
-  return localized.unusable_frames.empty() ? kSuccess : kIncomplete;
+  const bool is_filtered = CheckLabelling(localized.labelling, arguments.segmenter,
+                                          "the vehicle may have tracked itself by traffic");
+  return is_filtered && localized.unusable_frames.empty() ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -453,7 +458,8 @@ Examples:
   carmap localize kitti06_000-050 --map road.cmap --trajectory localized.txt
   carmap localize kitti06_000-050 --map road.cmap --map-truth kitti06_000-050 --report r.json
 
-Exit codes: 0 done, 1 error or no frame found, 2 wrong usage, 3 done but without unusable images)",
+Exit codes: 0 done, 1 error or no frame found, 2 wrong usage, 3 done but without unusable images, or
+the segmenter failed)",
       kSegmenterHelp));
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return RunLocalize(*arguments); }; });

@@ -322,12 +322,9 @@ absl::StatusOr<ExitCode> RunMap(const Arguments& arguments) {
                     arguments.drive, StripOptions().min_observations));
     return kIncomplete;
   }
-  if (run.mapped.labelling && !run.mapped.labelling->failure.empty()) {
-    PrintProblem(fmt::format("{}: the map may hold what was parked or moved: {}",
-                             arguments.segmenter, run.mapped.labelling->failure));
-    return kIncomplete;
-  }
-  return run.mapped.lost_frames.empty() ? kSuccess : kIncomplete;
+  const bool is_filtered = CheckLabelling(run.mapped.labelling, arguments.segmenter,
+                                          "the map may hold what was parked or moved");
+  return is_filtered && run.mapped.lost_frames.empty() ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -400,7 +397,7 @@ rest, and the exit code is 3. Where the vehicle was blind for long and what it s
 the map, a new part of the map begins, put where its speed led to; the report lists the parts.
 
 With a segmenter the map holds only what stays (the paper's dynamic object filter): each keyframe
-votes on the landmarks that it sees, its labels coming two keyframes late, and what most call
+votes on the landmarks that it sees, its labels coming two keyframes late, and what two in three call
 non-static holds no pose and is left out of the map.
 
 {}

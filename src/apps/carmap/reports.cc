@@ -63,6 +63,17 @@ void PrintLostFrames(const std::string& drive, const std::vector<LostFrame>& los
   }
 }
 
+bool CheckLabelling(const std::optional<LabellingSummary>& labelling, const std::string& segmenter,
+                    const std::string& consequence) {
+  if (!labelling) return true;
+  std::string why = labelling->failure;
+  if (why.empty() && labelling->keyframes > 0 && labelling->labelled == 0)
+    why = "it told nothing of any keyframe";
+  if (why.empty()) return true;
+  PrintProblem(fmt::format("{}: {}: {}", segmenter, consequence, why));
+  return false;
+}
+
 double PathLengthM(const Trajectory& trajectory) {
   double length_m = 0;
   std::optional<Eigen::Vector3d> previous;

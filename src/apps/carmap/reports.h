@@ -2,6 +2,7 @@
 #pragma once
 
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,11 @@ nlohmann::ordered_json ToJson(const std::vector<LostFrame>& lost_frames);
 
 /// A line for each of the first ten on standard error, then how many more there are.
 void PrintLostFrames(const std::string& drive, const std::vector<LostFrame>& lost_frames);
+
+/// Whether keyframes were labelled as was asked for; if not, says on standard error what follows
+/// from it and why.
+bool CheckLabelling(const std::optional<LabellingSummary>& labelling, const std::string& segmenter,
+                    const std::string& consequence);
 
 /// Metres along the poses that are there.
 double PathLengthM(const Trajectory& trajectory);

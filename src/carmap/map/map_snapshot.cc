@@ -46,11 +46,12 @@ MapSnapshot SnapshotOf(const Map& map, const std::vector<KeyframeId>& keyframe_i
   std::vector<LandmarkId> landmark_ids;
   for (const KeyframeId& id : keyframe_ids) {
     for (const auto& link : map.LandmarksOf(id)) {
-      if (link && !map.Find(*link)->is_non_static()) landmark_ids.push_back(*link);
+      if (link) landmark_ids.push_back(*link);
     }
   }
   std::sort(landmark_ids.begin(), landmark_ids.end());
   landmark_ids.erase(std::unique(landmark_ids.begin(), landmark_ids.end()), landmark_ids.end());
+  std::erase_if(landmark_ids, [&](LandmarkId id) { return map.Find(id)->is_non_static(); });
 
   MapSnapshot snapshot{.version = map.version(), .keyframes = {}, .landmarks = {}};
   snapshot.landmarks.reserve(landmark_ids.size());

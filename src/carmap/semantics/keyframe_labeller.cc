@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <exception>
 #include <utility>
@@ -114,7 +115,8 @@ std::vector<LabelledKeyframe> KeyframeLabeller::Collect(Until until) {
     Labels labels = next.labels.get();
     if (labels.ok()) {
       failures_in_a_row_ = 0;
-      ++labelled_;
+      labelled_ += std::any_of(labels->begin(), labels->end(),
+                               [](Mobility m) { return m != Mobility::kUnknown; });
       collected.push_back({next.id, *std::move(labels)});
     } else {
       TakeFailure(next.frame_index, labels.status());

@@ -72,6 +72,7 @@ class KeyframeLabeller {
   /// At the end of the drive: waits for what is still being labelled.
   std::vector<LabelledKeyframe> Finish();
 
+  /// Keyframes so far, and those of which something was told.
   size_t offered() const { return offered_; }
   size_t labelled() const { return labelled_; }
   /// The first failure, in one line, and whether the segmenter was given up; empty without any.

@@ -184,11 +184,14 @@ void DriveMapper::FinishFrames() {
   }
 }
 
+std::optional<LabellingSummary> DriveMapper::labelling() const {
+  if (!labeller_) return std::nullopt;
+  return LabellingSummary{labeller_->offered(), labeller_->labelled(), labeller_->failure()};
+}
+
 absl::StatusOr<MappedDrive> DriveMapper::Finish() {
   mapping_->Finish(labeller_ ? labeller_->Finish() : std::vector<LabelledKeyframe>());
-  if (labeller_) {
-    result_.labelling = {labeller_->offered(), labeller_->labelled(), labeller_->failure()};
-  }
+  result_.labelling = labelling();
   const LocalMapper& mapper = mapping_->mapper();
   if (mapper.map().keyframes().empty()) {
     return absl::FailedPreconditionError(

@@ -96,6 +96,9 @@ class DriveMapper {
   /// Keyframes that were made so far.
   size_t keyframe_count() const;
 
+  /// What came of labelling so far; nothing without a segmenter.
+  std::optional<LabellingSummary> labelling() const;
+
   /// Makes the map consistent as a whole. To be called last, once.
   /// Errors: FailedPrecondition when no frame could be tracked.
   absl::StatusOr<MappedDrive> Finish();
