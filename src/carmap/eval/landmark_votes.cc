@@ -12,17 +12,9 @@ MobilityVotes VotesOn(const Landmark& landmark, const FrameLabels& labels,
     if (!voters.contains(keyframe_id)) continue;
     const auto of_frame = labels.find(keyframe_id.index);
     if (of_frame == labels.end()) continue;
-    const Mobility mobility = of_frame->second[feature_idx];
-    votes.is_static += mobility == Mobility::kStatic;
-    votes.non_static += mobility == Mobility::kNonStatic;
+    votes.Add(of_frame->second[feature_idx]);
   }
   return votes;
-}
-
-/// By the same majority as in a map.
-Mobility Elected(const MobilityVotes& votes) {
-  if (votes.is_static + votes.non_static == 0) return Mobility::kUnknown;
-  return Landmark{.votes = votes}.is_non_static() ? Mobility::kNonStatic : Mobility::kStatic;
 }
 
 absl::flat_hash_set<KeyframeId> EveryNth(const Map& map, size_t n) {
@@ -41,8 +33,8 @@ MobilityConfusion VoteOnLandmarks(const Map& map, const FrameLabels& truth, cons
   MobilityConfusion confusion;
   for (const auto& [id, landmark] : map.landmarks()) {
     if (landmark.observations.size() < min_observations) continue;
-    confusion.Add(Elected(VotesOn(landmark, truth, all)),
-                  Elected(VotesOn(landmark, told, labelled)));
+    confusion.Add(VotesOn(landmark, truth, all).Elected(),
+                  VotesOn(landmark, told, labelled).Elected());
   }
   return confusion;
 }

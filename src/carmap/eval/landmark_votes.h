@@ -20,7 +20,7 @@ using FrameLabels = std::map<uint32_t, std::vector<Mobility>>;
 
 /// The landmarks that at least `min_observations` keyframes saw: what they are by the votes of
 /// `truth`, and what by `told` of every `cycle`-th keyframe (1 or more; the paper's segmentation
-/// cycle), by the majority that a map asks for (Landmark::is_non_static); unknown where nobody
+/// cycle), by the majority that a map asks for (MobilityVotes::Elected); unknown where nobody
 /// votes. Labels must be of the map's own drive: of each keyframe that has some, one a feature.
 MobilityConfusion VoteOnLandmarks(const Map& map, const FrameLabels& truth, const FrameLabels& told,
                                   size_t cycle, size_t min_observations);

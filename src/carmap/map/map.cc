@@ -39,10 +39,7 @@ absl::Status CheckLandmark(const Map& map, const Landmark& landmark) {
     }
     if (links[feature_idx] != landmark.id)
       return broken("is not known to a feature that observes it");
-    if (const auto& mobility = map.Find(keyframe_id)->mobility) {
-      votes.is_static += (*mobility)[feature_idx] == Mobility::kStatic;
-      votes.non_static += (*mobility)[feature_idx] == Mobility::kNonStatic;
-    }
+    if (const auto& mobility = map.Find(keyframe_id)->mobility) votes.Add((*mobility)[feature_idx]);
   }
   if (landmark.votes.is_static < votes.is_static || landmark.votes.non_static < votes.non_static)
     return broken("lacks votes of keyframes that observe it");

@@ -148,17 +148,7 @@ class EditApplication {
   /// The keyframe's vote on the landmark that it sees so, or its withdrawal.
   void Vote(const Observation& observation, int count, Landmark& landmark) {
     const auto& mobility = map_.keyframes_.at(observation.keyframe_id).mobility;
-    if (!mobility) return;
-    switch ((*mobility)[observation.feature_idx]) {
-      case Mobility::kStatic:
-        landmark.votes.is_static += count;
-        break;
-      case Mobility::kNonStatic:
-        landmark.votes.non_static += count;
-        break;
-      case Mobility::kUnknown:
-        break;
-    }
+    if (mobility) landmark.votes.Add((*mobility)[observation.feature_idx], count);
   }
   void RemoveIfUnseen(LandmarkId id) {
     const auto found = map_.landmarks_.find(id);

@@ -36,23 +36,16 @@ struct Observation {
   bool operator==(const Observation&) const = default;
 };
 
-/// Labelled keyframes that saw a landmark as one or the other (paper §3.3), also those that were
-/// removed since.
-struct MobilityVotes {
-  uint32_t is_static = 0, non_static = 0;
-};
-
 /// A map-feature of the paper (§2): signature, position, and the keyframes that see it.
 struct Landmark {
   LandmarkId id;
   Eigen::Vector3d position_in_map = Eigen::Vector3d::Zero();
   Descriptor descriptor;
   std::vector<Observation> observations;  ///< ascending by keyframe, one a keyframe
-  MobilityVotes votes;
+  MobilityVotes votes;  ///< also of keyframes that were removed since
 
-  /// By two votes in three, since segmenters flicker: of traffic, or parked. It holds no pose and
-  /// enters no lean map.
-  bool is_non_static() const { return votes.non_static > 2 * votes.is_static; }
+  /// Of traffic, or parked (paper §3.3). It holds no pose and enters no lean map.
+  bool is_non_static() const { return votes.Elected() == Mobility::kNonStatic; }
 };
 
 }  // namespace carmap

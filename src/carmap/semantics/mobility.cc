@@ -36,4 +36,14 @@ std::optional<Mobility> MobilityOfName(std::string_view name) {
   return MobilityOf(*semantic_class);
 }
 
+void MobilityVotes::Add(Mobility mobility, int count) {
+  if (mobility == Mobility::kStatic) is_static += count;
+  if (mobility == Mobility::kNonStatic) non_static += count;
+}
+
+Mobility MobilityVotes::Elected() const {
+  if (is_static + non_static == 0) return Mobility::kUnknown;
+  return non_static > 2 * is_static ? Mobility::kNonStatic : Mobility::kStatic;
+}
+
 }  // namespace carmap

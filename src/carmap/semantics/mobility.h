@@ -27,4 +27,17 @@ std::optional<SemanticClass> SemanticClassOf(std::string_view cityscapes_name);
 /// Of a Cityscapes class, or of "static", "non-static" or "unlabelled"; nothing for other names.
 std::optional<Mobility> MobilityOfName(std::string_view name);
 
+/// What labelled keyframes say of a landmark (§3.3).
+struct MobilityVotes {
+  uint32_t is_static = 0, non_static = 0;
+
+  /// A keyframe's vote, or with `count` -1 its withdrawal. Unknown is no vote.
+  void Add(Mobility mobility, int count = 1);
+
+  /// Non-static by more than two votes in three, since segmenters flicker; unknown without votes.
+  Mobility Elected() const;
+
+  bool operator==(const MobilityVotes&) const = default;
+};
+
 }  // namespace carmap

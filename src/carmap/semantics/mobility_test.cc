@@ -43,5 +43,21 @@ TEST(MobilityTest, KnowsItsOwnNames) {
   EXPECT_EQ(MobilityOfName("lorry"), std::nullopt);
 }
 
+TEST(MobilityVotesTest, NonStaticTakesTwoInThree) {
+  MobilityVotes votes;
+  EXPECT_EQ(votes.Elected(), Mobility::kUnknown);
+  votes.Add(Mobility::kUnknown);
+  EXPECT_EQ(votes, MobilityVotes());
+  votes.Add(Mobility::kNonStatic);
+  EXPECT_EQ(votes.Elected(), Mobility::kNonStatic);
+  votes.Add(Mobility::kStatic);
+  votes.Add(Mobility::kNonStatic);
+  EXPECT_EQ(votes.Elected(), Mobility::kStatic);
+  votes.Add(Mobility::kNonStatic);
+  EXPECT_EQ(votes.Elected(), Mobility::kNonStatic);
+  votes.Add(Mobility::kNonStatic, -1);
+  EXPECT_EQ(votes, (MobilityVotes{.is_static = 1, .non_static = 2}));
+}
+
 }  // namespace
 }  // namespace carmap
