@@ -4,8 +4,8 @@ FUZZ_SECONDS ?= 60
 export CMAKE_BUILD_PARALLEL_LEVEL := $(JOBS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test bench evaluate evaluate-localization evaluate-slam vocabulary \
-  segmenter lint format asan tsan fuzz clean
+.PHONY: help setup build demo test bench evaluate evaluate-localization evaluate-slam signature \
+  vocabulary segmenter lint format asan tsan fuzz clean
 
 help:  ## list these commands
 	@echo 'make COMMAND [JOBS=N]      (N processes at once; default: one a core)'
@@ -39,6 +39,10 @@ evaluate-localization: build  ## localization by traffic, lane and light, simula
 
 evaluate-slam: build  ## loops and errors of drives simulated along KITTI paths [PATHS="07 06"]
 	@scripts/evaluate_slam.sh $(PATHS)
+
+signature: setup  ## choose the comparisons of the features' signature anew, of simulated drives
+	@cmake --preset release
+	@scripts/train_signature.sh
 
 vocabulary: build  ## make the program's default vocabulary anew, of simulated drives
 	@scripts/train_vocabulary.sh

@@ -27,7 +27,7 @@ namespace {
 
 constexpr double kSpacingM = 1000;  // between the copies
 constexpr int kColumns = 100;
-constexpr int kChangedBits = 200;  // some of them back: 100 are other than before
+constexpr int kChangedBits = 100;  // some of them back: 50 are other than before
 const GpsFix kOrigin{49, 8.4, 110};
 
 Eigen::Vector3d PlaceOfCopy(size_t copy) {
@@ -37,7 +37,7 @@ Eigen::Vector3d PlaceOfCopy(size_t copy) {
 
 void ChangeBits(std::mt19937_64& random, Descriptor& descriptor) {
   for (int i = 0; i < kChangedBits; ++i) {
-    const uint64_t bit = random() >> 56;
+    const uint64_t bit = random() % kSignatureBits;
     descriptor.words[bit / 64] ^= uint64_t{1} << (bit % 64);
   }
 }

@@ -111,7 +111,7 @@ apart), and whether the medians agree within a factor of 1.5, Hamming distances 
   found again             share of the features with depth whose true match is in the next frame
   true match              the feature that lies where the camera's motion puts it, within 2 px at
                           its level: told by place alone, not by descriptor. Place off: how far
-                          from there. Hamming: unequal bits of the 256. Ambiguous: share for which
+                          from there. Hamming: unequal bits of the 128. Ambiguous: share for which
                           a feature elsewhere, within 5 % of the image's width, comes as near in
                           bits (within a quarter, or four)
   track length            of features found again at least once, followed for up to 10 frames; in

@@ -148,7 +148,7 @@ void AddTrain(CLI::App& command, Command& chosen) {
       ->type_name("K");
   train
       ->add_option("--depth", arguments->options.depth,
-                   fmt::format("Levels of the tree (default {}): up to K^L words, of 34 bytes each",
+                   fmt::format("Levels of the tree (default {}): up to K^L words, of 18 bytes each",
                                arguments->options.depth))
       ->type_name("L");
   train->add_option("--step", arguments->step, "Take every N-th frame of a drive (default 2)")

@@ -16,7 +16,7 @@ namespace carmap {
 namespace {
 
 constexpr uint16_t kFullMapSection = 100;  // lean maps have the low numbers
-constexpr size_t kFeatureBytes = 3 * 4 + 1 + 32 + 4, kLandmarkBytes = 3 * 8,
+constexpr size_t kFeatureBytes = 3 * 4 + 1 + sizeof(Descriptor) + 4, kLandmarkBytes = 3 * 8,
                  kKeyframeBytes = 4 + 8 + 7 * 8 + 4;
 constexpr int kMaxImagePx = 1 << 14;
 constexpr double kMaxCoordinateM = 1e7;

@@ -127,7 +127,7 @@ bool IsAmbiguous(const Descriptor& descriptor, const PredictedFeature& predictio
                  const TrueMatch& match, const FeatureGrid& to, double window_px,
                  const TrueMatchOptions& options) {
   constexpr double kMaxRatio = 1.25;
-  constexpr int kMaxMoreBits = 4;
+  constexpr int kMaxMoreBits = 2;
   const Feature& truth = to.features()[match.feature_idx];
   const int true_distance = HammingDistance(descriptor, truth.descriptor);
   const double same_place_px = options.max_distance_px * ScaleOfLevel(truth.level);

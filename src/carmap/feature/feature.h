@@ -4,18 +4,22 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
 namespace carmap {
 
-/// 256 binary intensity tests (the feature signature of paper §2).
+/// Binary intensity tests in a descriptor. Fixed: maps of all vehicles must agree on it.
+inline constexpr size_t kSignatureBits = 128;
+
+/// The feature signature of paper §2 (feature/signature.h).
 struct Descriptor {
-  std::array<uint64_t, 4> words{};
+  std::array<uint64_t, kSignatureBits / 64> words{};
   auto operator<=>(const Descriptor&) const = default;
 };
 
-/// Number of differing bits, 0..256.
+/// Number of differing bits, 0..kSignatureBits.
 inline int HammingDistance(const Descriptor& a, const Descriptor& b) {
   int distance = 0;
   for (size_t i = 0; i < a.words.size(); ++i) distance += std::popcount(a.words[i] ^ b.words[i]);

@@ -33,12 +33,12 @@ constexpr std::array<uint64_t, 256> kSpread = SpreadBits();
 
 /// How many of the descriptors have each bit set. Counts in bytes, eight at a time, which are added
 /// up before they can overflow.
-std::array<size_t, 256> CountBits(std::span<const Descriptor> descriptors) {
-  std::array<size_t, 256> counts{};
+std::array<size_t, kSignatureBits> CountBits(std::span<const Descriptor> descriptors) {
+  std::array<size_t, kSignatureBits> counts{};
   while (!descriptors.empty()) {
     const auto taken = descriptors.first(std::min<size_t>(255, descriptors.size()));
     descriptors = descriptors.subspan(taken.size());
-    std::array<uint64_t, 32> sums{};
+    std::array<uint64_t, kSignatureBits / 8> sums{};
     for (const Descriptor& descriptor : taken) {
       for (size_t byte = 0; byte < sums.size(); ++byte) {
         sums[byte] += kSpread[descriptor.words[byte / 8] >> (8 * (byte % 8)) & 0xff];
@@ -53,7 +53,7 @@ std::array<size_t, 256> CountBits(std::span<const Descriptor> descriptors) {
 
 /// Where as many have a bit set as have not, it stays as it was.
 Descriptor Median(std::span<const Descriptor> descriptors, const Descriptor& before) {
-  const std::array<size_t, 256> counts = CountBits(descriptors);
+  const std::array<size_t, kSignatureBits> counts = CountBits(descriptors);
   Descriptor median = before;
   for (size_t bit = 0; bit < counts.size(); ++bit) {
     const uint64_t mask = uint64_t{1} << (bit % 64);
@@ -101,7 +101,7 @@ std::vector<Descriptor> DrawCenters(std::span<const Descriptor> descriptors, siz
   if (descriptors.empty()) return centers;
   std::mt19937_64 random(seed);
   centers.push_back(descriptors[random() % descriptors.size()]);
-  std::vector<uint16_t> distances(descriptors.size(), 256);
+  std::vector<uint16_t> distances(descriptors.size(), kSignatureBits);
   while (centers.size() < count) {
     ForEachIndex(descriptors.size(), [&](size_t i) {
       const int distance = HammingDistance(centers.back(), descriptors[i]);

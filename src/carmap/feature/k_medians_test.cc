@@ -48,7 +48,7 @@ TEST(SortIntoClusters, FindsCentersThatWereBlurred) {
   for (int i = 0; i < 6000; ++i) {
     descriptors.push_back(WithFlippedBits(truth[random() % truth.size()], 3, random));
   }
-  const auto clusters = SortIntoClusters({.cluster_count = truth.size(), .seed = 5}, descriptors);
+  const auto clusters = SortIntoClusters({.cluster_count = truth.size(), .seed = 6}, descriptors);
   EXPECT_THAT(CentersOf(clusters), UnorderedElementsAreArray(truth));
 }
 
@@ -60,7 +60,7 @@ TEST(SortIntoClusters, TakesTheMajorityOfEachBit) {
     const auto clusters = SortIntoClusters({.cluster_count = 1}, sorted);
     ASSERT_EQ(clusters.size(), 1u);
     EXPECT_EQ(clusters[0].size, count);
-    for (size_t bit = 0; bit < 256; ++bit) {
+    for (size_t bit = 0; bit < kSignatureBits; ++bit) {
       const auto is_set = [&](const Descriptor& d) { return d.words[bit / 64] >> bit % 64 & 1; };
       const auto set = std::count_if(descriptors.begin(), descriptors.end(), is_set);
       if (2 * static_cast<size_t>(set) == count) continue;

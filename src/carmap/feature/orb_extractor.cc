@@ -5,58 +5,15 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <random>
 
 #include "carmap/feature/corner_detector.h"
+#include "carmap/feature/signature.h"
 #include "carmap/feature/smoothing.h"
 
 namespace carmap {
 namespace {
 
-constexpr int kPatchRadius = 15;
-constexpr int kMargin = kPatchRadius + 1;
-
-struct TestPoint {
-  int8_t x, y;
-};
-using TestPattern = std::array<std::array<TestPoint, 2>, 256>;
-
-/// BRIEF's isotropic Gaussian pattern (Calonder et al. 2010, G II), from whole numbers only: all
-/// vehicles must draw the same one.
-TestPattern DrawPattern() {
-  std::mt19937_64 random(20200225);
-  const auto coordinate = [&] {
-    while (true) {
-      int sum = 0;  // of four uniform draws: close to a Gaussian of deviation 6.4
-      for (int i = 0; i < 4; ++i) sum += static_cast<int>(random() % 12);
-      if (std::abs(sum - 22) <= kPatchRadius) return static_cast<int8_t>(sum - 22);
-    }
-  };
-  TestPattern pattern;
-  for (auto& [a, b] : pattern) {
-    do {
-      a = {coordinate(), coordinate()};
-      b = {coordinate(), coordinate()};
-    } while (std::abs(a.x - b.x) + std::abs(a.y - b.y) < 4);
-  }
-  return pattern;
-}
-
-const TestPattern kPattern = DrawPattern();
-
-Descriptor Describe(const std::array<std::array<ptrdiff_t, 2>, 256>& offsets,
-                    const uint8_t* center) {
-  Descriptor descriptor;
-  for (size_t word = 0; word < 4; ++word) {
-    uint64_t bits = 0;
-    for (size_t bit = 0; bit < 64; ++bit) {
-      const auto& [a, b] = offsets[64 * word + bit];
-      bits |= static_cast<uint64_t>(center[a] < center[b]) << bit;
-    }
-    descriptor.words[word] = bits;
-  }
-  return descriptor;
-}
+constexpr int kMargin = kSignatureRadius + 1;
 
 /// Keeps at most `count` corners: from each cell of a grid its best, then each cell's second best,
 /// and so on, so that strong texture in one place does not starve the rest of the image.
@@ -97,19 +54,14 @@ std::vector<Feature> ExtractLevel(const cv::Mat& image, int level, size_t count,
   if (corners.empty()) return features;
 
   SmoothImage(image, smooth);
-  std::array<std::array<ptrdiff_t, 2>, 256> offsets;
-  const auto stride = static_cast<ptrdiff_t>(smooth.step[0]);
-  for (size_t i = 0; i < offsets.size(); ++i) {
-    const auto& [a, b] = kPattern[i];
-    offsets[i] = {a.x + a.y * stride, b.x + b.y * stride};
-  }
+  const SignatureSampler signatures(smooth);
   features.reserve(corners.size());
   const double scale = ScaleOfLevel(level);
   for (const Corner& corner : corners) {
     features.push_back({.x_px = static_cast<float>(FullSizeFromLevel(corner.x, scale)),
                         .y_px = static_cast<float>(FullSizeFromLevel(corner.y, scale)),
                         .level = static_cast<uint8_t>(level),
-                        .descriptor = Describe(offsets, smooth.ptr<uint8_t>(corner.y, corner.x))});
+                        .descriptor = signatures.At(corner.x, corner.y)});
   }
   return features;
 }

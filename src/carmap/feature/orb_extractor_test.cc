@@ -29,10 +29,10 @@ std::vector<Feature> Extract(const cv::Mat& image, const OrbOptions& options = {
 TEST(HammingDistance, CountsBits) {
   Descriptor a, b;
   EXPECT_EQ(HammingDistance(a, b), 0);
-  b.words = {~uint64_t{0}, ~uint64_t{0}, ~uint64_t{0}, ~uint64_t{0}};
-  EXPECT_EQ(HammingDistance(a, b), 256);
-  a.words[2] = 0x8000000000000001;
-  EXPECT_EQ(HammingDistance(a, b), 254);
+  b.words = {~uint64_t{0}, ~uint64_t{0}};
+  EXPECT_EQ(HammingDistance(a, b), 128);
+  a.words[1] = 0x8000000000000001;
+  EXPECT_EQ(HammingDistance(a, b), 126);
 }
 
 TEST(OrbExtractor, GivesDistinctFeaturesInsideTheImageUpToTheCount) {
@@ -123,9 +123,9 @@ TEST(OrbExtractor, DescriptorsTellPlacesApartAndBearNoise) {
     }
   }
   ASSERT_GT(same.size(), 100u);
-  EXPECT_LT(*std::max_element(same.begin(), same.end()), 50);
+  EXPECT_LT(*std::max_element(same.begin(), same.end()), 25);
   std::nth_element(other.begin(), other.begin() + other.size() / 1000, other.end());
-  EXPECT_GT(other[other.size() / 1000], 60) << "one in a thousand is nearer";
+  EXPECT_GT(other[other.size() / 1000], 30) << "one in a thousand is nearer";
 }
 
 TEST(OrbExtractor, TakesImagesOfAnySize) {

@@ -11,13 +11,15 @@
 namespace carmap {
 
 inline Descriptor RandomDescriptor(std::mt19937_64& random) {
-  return {{random(), random(), random(), random()}};
+  Descriptor descriptor;
+  for (uint64_t& word : descriptor.words) word = random();
+  return descriptor;
 }
 
 /// `flips` times a bit is turned; a bit may be turned back.
 inline Descriptor WithFlippedBits(Descriptor descriptor, int flips, std::mt19937_64& random) {
   for (int i = 0; i < flips; ++i) {
-    const uint64_t bit = random() % 256;
+    const uint64_t bit = random() % kSignatureBits;
     descriptor.words[bit / 64] ^= uint64_t{1} << (bit % 64);
   }
   return descriptor;
@@ -32,7 +34,7 @@ inline std::vector<std::vector<Descriptor>> DescriptorsOfImages(size_t images, s
   std::vector<std::vector<Descriptor>> of_image(images);
   for (auto& descriptors : of_image) {
     for (const Descriptor& place : of_place) {
-      if (random() % 2 == 0) descriptors.push_back(WithFlippedBits(place, 20, random));
+      if (random() % 2 == 0) descriptors.push_back(WithFlippedBits(place, 10, random));
     }
   }
   return of_image;

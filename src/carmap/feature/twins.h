@@ -17,7 +17,7 @@ namespace carmap {
 inline double TwinRadiusPx(int level) { return std::max(3.0, 1.5 * ScaleOfLevel(level)); }
 
 /// By how much the signatures of one corner at two levels differ, at most.
-inline constexpr int kMaxTwinBits = 60;
+inline constexpr int kMaxTwinBits = 38;
 
 /// Sets twin_idx of each feature that shows a corner which a feature at a finer level shows too.
 /// Features in the order of their levels.

@@ -36,14 +36,14 @@ class LinkTwinsTest : public testing::Test {
 
 TEST_F(LinkTwinsTest, OneCornerAtSeveralLevelsIsOne) {
   Add(100, 50, 0, 0);
-  Add(102, 51, 1, 20);
-  Add(104, 52, 4, 20);  // beyond 3 px, but not at its level
+  Add(102, 51, 1, 10);
+  Add(104, 52, 4, 10);  // beyond 3 px, but not at its level
   EXPECT_EQ(Corners(), (std::vector<uint32_t>{0, 0, 0}));
 }
 
 TEST_F(LinkTwinsTest, OtherCornersStayApart) {
   Add(100, 50, 0, 0);
-  Add(102, 51, 0, 10);      // as fine: found beside it
+  Add(102, 51, 0, 5);       // as fine: found beside it
   Add(104, 50, 1, 0);       // too far from the first
   AddStranger(101, 50, 2);  // looks different
   Add(300, 50, 7, 0);       // the same texture elsewhere
@@ -51,9 +51,9 @@ TEST_F(LinkTwinsTest, OtherCornersStayApart) {
 }
 
 TEST_F(LinkTwinsTest, GoesToTheOneThatItResemblesMost) {
-  Add(100, 50, 0, 50);
+  Add(100, 50, 0, 25);
   Add(102, 50, 0, 0);
-  Add(101, 50, 1, 5);
+  Add(101, 50, 1, 3);
   EXPECT_EQ(Corners(), (std::vector<uint32_t>{0, 1, 1}));
 }
 

@@ -17,7 +17,7 @@ constexpr std::string_view kMagic(
     "\x89"
     "CMV\r\n\x1a\n",
     8);
-constexpr uint16_t kMajor = 1, kMinor = 0;
+constexpr uint16_t kMajor = 2, kMinor = 0;
 constexpr size_t kHeaderSize = 28, kChecksumSize = 8;
 constexpr size_t kCenterSize = sizeof(Descriptor), kWeightSize = sizeof(uint16_t);
 
@@ -42,7 +42,11 @@ absl::Status CheckHeader(std::string_view bytes, const std::string& name) {
   if (bytes.size() < kHeaderSize) return CutShort(name, bytes.size(), kHeaderSize);
   ByteReader reader(bytes.substr(kMagic.size()));
   const auto major = reader.Uint<uint16_t>(), minor = reader.Uint<uint16_t>();
-  if (major < kMajor) return Damaged(name, fmt::format("format version {}", major));
+  if (major < kMajor) {
+    return absl::UnimplementedError(
+        fmt::format("{}: format version {}.{}, before the signatures of {}.x; train it again", name,
+                    major, minor, kMajor));
+  }
   if (major > kMajor) {
     return absl::UnimplementedError(
         fmt::format("{}: format version {}.{} is newer than the supported {}.x; upgrade carmap",

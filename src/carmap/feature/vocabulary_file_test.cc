@@ -42,7 +42,8 @@ TEST(VocabularyFile, ThereAndBack) {
   const Vocabulary vocabulary = SmallVocabulary();
   const std::string bytes = EncodeVocabulary(vocabulary);
   const auto& tables = vocabulary.tables();
-  EXPECT_EQ(bytes.size(), 36 + tables.child_counts.size() + 32 * tables.centers.size() +
+  EXPECT_EQ(bytes.size(), 36 + tables.child_counts.size() +
+                              sizeof(Descriptor) * tables.centers.size() +
                               2 * tables.weights.size());
   const auto back = DecodeVocabulary(bytes, "v.cmvoc");
   ASSERT_TRUE(back.ok()) << back.status();
@@ -52,13 +53,13 @@ TEST(VocabularyFile, ThereAndBack) {
 }
 
 TEST(VocabularyFile, HasTheBytesThatTheSpecificationSays) {
-  const Descriptor a{{0x0807060504030201, 0, 0, 0x1f}}, b{{~uint64_t{0}, 2, 3, 4}};
+  const Descriptor a{{0x0807060504030201, 0x1f}}, b{{~uint64_t{0}, 2}};
   const std::string bytes =
       EncodeVocabulary(Vocabulary::Create({7, {2}, {a, b}, {258, 5}}).value());
-  ASSERT_EQ(bytes.size(), 105u);
+  ASSERT_EQ(bytes.size(), 73u);
   EXPECT_EQ(bytes.substr(0, 28), std::string("\x89"
                                              "CMV\r\n\x1a\n"
-                                             "\1\0\0\0"
+                                             "\2\0\0\0"
                                              "\7\0\0\0"
                                              "\1\0\0\0"
                                              "\2\0\0\0"
@@ -67,7 +68,7 @@ TEST(VocabularyFile, HasTheBytesThatTheSpecificationSays) {
   EXPECT_EQ(bytes.substr(28, 9), std::string("\2"
                                              "\1\2\3\4\5\6\7\10",
                                              9));
-  EXPECT_EQ(bytes.substr(93, 4), std::string("\2\1\5\0", 4));
+  EXPECT_EQ(bytes.substr(61, 4), std::string("\2\1\5\0", 4));
   EXPECT_EQ(Sealed(bytes), bytes);
 }
 
@@ -108,10 +109,10 @@ TEST(VocabularyFile, RefusesWhatIsNone) {
   changed[100] = static_cast<char>(changed[100] ^ 4);
   ExpectRefused(changed, absl::StatusCode::kDataLoss, "checksum");
   changed = bytes;
-  changed[8] = 2;
+  changed[8] = 3;
   ExpectRefused(Sealed(changed), absl::StatusCode::kUnimplemented, "upgrade");
-  changed[8] = 0;
-  ExpectRefused(Sealed(changed), absl::StatusCode::kDataLoss, "version 0");
+  changed[8] = 1;
+  ExpectRefused(Sealed(changed), absl::StatusCode::kUnimplemented, "train it again");
   changed = bytes;
   changed[28] = 1;
   ExpectRefused(Sealed(changed), absl::StatusCode::kDataLoss, "one child");

@@ -123,7 +123,7 @@ TEST(TrainVocabulary, GivesEachOfSeparateThingsItsWord) {
     const uint32_t word = vocabulary->WordOf(place);
     ++things_of_word[word];
     for (int i = 0; i < 10; ++i) {
-      same += vocabulary->WordOf(WithFlippedBits(place, 20, random)) == word;
+      same += vocabulary->WordOf(WithFlippedBits(place, 10, random)) == word;
     }
   }
   EXPECT_GT(same, 10 * static_cast<int>(kPlaces) * 85 / 100);

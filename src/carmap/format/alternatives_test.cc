@@ -36,8 +36,8 @@ TEST(MeasureComposition, AddsUpToTheFieldsThatTheHeaderNames) {
   size_t keyframes = 80 * lean.drives.size(), observations = 0;
   for (const LeanKeyframe& keyframe : lean.keyframes) keyframes += keyframe.gps ? 65 : 41;
   for (const LeanLandmark& landmark : lean.landmarks) observations += landmark.keyframe_idxs.size();
-  const size_t a = 49 * lean.landmarks.size();
-  const size_t b = lean.keyframes.size() * (4 + 45 * kFeatures);
+  const size_t a = 33 * lean.landmarks.size();
+  const size_t b = lean.keyframes.size() * (4 + 29 * kFeatures);
   const size_t c_of_landmarks = 4 * lean.landmarks.size() + 8 * observations;
   const size_t c_of_features = 4 * kFeatures * lean.keyframes.size();
   const size_t c_of_keyframes = 4 * lean.keyframes.size() + 4 * observations;

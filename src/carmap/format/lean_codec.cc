@@ -29,7 +29,7 @@ constexpr uint64_t kMaxKeyframes = uint64_t{1} << 24;
 constexpr uint64_t kMaxLandmarks = uint64_t{1} << 28;
 constexpr uint64_t kMaxObservations = uint64_t{1} << 36;
 constexpr size_t kDriveBytes = 80;
-constexpr size_t kDescriptorBytes = 32;
+constexpr size_t kDescriptorBytes = sizeof(Descriptor);
 
 /// How many records of each kind the columns hold.
 struct Counts {
@@ -218,7 +218,7 @@ std::string EncodeLandmarks(const LeanMap& map, int level) {
   return out;
 }
 
-/// A column for each of the 32 bytes: neighbouring tests of a descriptor agree a little more often
+/// A column for each byte: neighbouring tests of a descriptor agree a little more often
 /// than not, which whole descriptors hide.
 std::string EncodeDescriptors(const std::vector<LeanLandmark>& landmarks, int level) {
   std::string out, column(landmarks.size(), '\0');

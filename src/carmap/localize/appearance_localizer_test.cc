@@ -11,7 +11,7 @@ namespace carmap {
 namespace {
 
 const Rigid3 kMapFromWorld{RotationExp({0.1, -0.7, 0.05}), {3, -1, 20}};
-const StreetNoise kNoise{.pixel_px = 0.3, .descriptor_bits = 8};
+const StreetNoise kNoise{.pixel_px = 0.3, .descriptor_bits = 4};
 
 class AppearanceLocalizerTest : public ::testing::Test {
  protected:

@@ -74,7 +74,7 @@ TEST_F(FrameTrackingTest, FindsThePoseFromAPredictionNearBy) {
 
 TEST_F(FrameTrackingTest, IsAccurateWithNoise) {
   const auto features =
-      SeeStreet(street_, kStreetRig, world_from_camera_, {.pixel_px = 0.5, .descriptor_bits = 20});
+      SeeStreet(street_, kStreetRig, world_from_camera_, {.pixel_px = 0.5, .descriptor_bits = 10});
   const Rigid3 predicted = Rigid3{RotationExp({0, 0.005, 0}), {0.05, 0, 0.1}} * truth_;
   const auto pose = Project(features, predicted);
   ASSERT_TRUE(pose);
@@ -103,7 +103,7 @@ TEST_F(FrameTrackingTest, FindsNothingFromTooFarOffOrWithTooFewFeatures) {
 
 TEST_F(FrameTrackingTest, FindsThePoseByAppearanceAlone) {
   const auto features =
-      SeeStreet(street_, kStreetRig, world_from_camera_, {.pixel_px = 0.3, .descriptor_bits = 12});
+      SeeStreet(street_, kStreetRig, world_from_camera_, {.pixel_px = 0.3, .descriptor_bits = 6});
   const auto pose = Appear(features);
   ASSERT_TRUE(pose);
   EXPECT_LT(Distance(pose->camera_from_map, truth_), 0.05);

@@ -27,8 +27,8 @@ struct ProjectionMatchOptions {
   /// What is not known of the camera's place, metres: the window of a landmark is as much larger as
   /// this makes at its distance.
   double position_radius_m = 0;
-  int max_distance_bits = 75;  ///< of the signatures
-  double max_ratio = 0.85;     ///< to the best at another place in the window
+  int max_distance_bits = 38;  ///< of the signatures
+  double max_ratio = 0.8;      ///< to the best at another place in the window
   double max_level_difference = 1.6;
   double max_viewing_angle_rad =
       1.2;  ///< between the landmark's mean viewing direction and this one
@@ -49,7 +49,7 @@ std::vector<LandmarkMatch> MatchByProjection(const MapSnapshot& map,
                                              const ProjectionMatchOptions& options);
 
 struct AppearanceMatchOptions {
-  int max_distance_bits = 64;
+  int max_distance_bits = 38;
   double max_ratio = 0.8;  ///< to the best feature at another place
 };
 

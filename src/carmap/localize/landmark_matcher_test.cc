@@ -102,32 +102,32 @@ TEST_F(ProjectionTest, TheLevelMustBeThatWhichTheDistancePredicts) {
 
 TEST_F(ProjectionTest, AppearanceMustAgree) {
   Feature feature = Seen(0);
-  feature.descriptor = WithBits(feature.descriptor, 75);
+  feature.descriptor = WithBits(feature.descriptor, 38);
   EXPECT_EQ(Match({feature}).size(), 1u);
-  feature.descriptor = WithBits(Seen(0).descriptor, 76);
+  feature.descriptor = WithBits(Seen(0).descriptor, 39);
   EXPECT_THAT(Match({feature}), IsEmpty());
 }
 
 TEST_F(ProjectionTest, TheSecondBestMustBeClearlyWorse) {
   Feature best = Seen(0, 1), second = Seen(0, -3);  // too far apart to be one corner
-  best.descriptor = WithBits(best.descriptor, 40);
-  second.descriptor = WithBits(second.descriptor, 45);
+  best.descriptor = WithBits(best.descriptor, 20);
+  second.descriptor = WithBits(second.descriptor, 23);
   EXPECT_THAT(Match({best, second}), IsEmpty());
-  second.descriptor = WithBits(Seen(0).descriptor, 60);
+  second.descriptor = WithBits(Seen(0).descriptor, 30);
   EXPECT_THAT(Match({second, best}), ElementsAre(LandmarkMatch{0, 1}));
 }
 
 TEST_F(ProjectionTest, TheSameCornerAtAnotherLevelIsNoRival) {
   Feature best = Seen(0, 1), twin = Seen(0, -1);
-  best.descriptor = WithBits(best.descriptor, 40);
-  twin.descriptor = WithBits(twin.descriptor, 45);
+  best.descriptor = WithBits(best.descriptor, 20);
+  twin.descriptor = WithBits(twin.descriptor, 23);
   twin.level = best.level + 1;
   EXPECT_THAT(Match({best, twin}), ElementsAre(LandmarkMatch{0, 0}));
 }
 
 TEST_F(ProjectionTest, AFeatureGoesToTheLandmarkMostLikeIt) {
   map_.landmarks[1] = map_.landmarks[0];
-  map_.landmarks[1].descriptor = WithBits(map_.landmarks[0].descriptor, 20);
+  map_.landmarks[1].descriptor = WithBits(map_.landmarks[0].descriptor, 10);
   EXPECT_THAT(Match({Seen(1)}), ElementsAre(LandmarkMatch{1, 0}));
   EXPECT_THAT(Match({Seen(0)}), ElementsAre(LandmarkMatch{0, 0}));
 }
@@ -164,7 +164,7 @@ TEST(MatchByAppearance, FindsEachLandmarkInNoise) {
   for (uint32_t i = 0; i < 200; ++i) {
     map.landmarks.push_back({.descriptor = random.RandomDescriptor()});
     features.push_back({.descriptor = map.landmarks[i].descriptor});
-    FlipBits(30, random, features[i].descriptor);
+    FlipBits(15, random, features[i].descriptor);
   }
   std::vector<uint32_t> idxs(200);
   std::iota(idxs.begin(), idxs.end(), 0u);
@@ -177,23 +177,23 @@ TEST(MatchByAppearance, RefusesWhatIsFarOrNotClear) {
   StreetRandom random(7);
   const Descriptor descriptor = random.RandomDescriptor();
   const MapSnapshot map{.landmarks = {{.descriptor = descriptor}}};
-  const Feature at_40{.x_px = 100, .descriptor = WithBits(descriptor, 40)};
-  const Feature at_45{.descriptor = WithBits(descriptor, 45)};
-  const Feature at_64{.descriptor = WithBits(descriptor, 64)};
-  const Feature at_65{.descriptor = WithBits(descriptor, 65)};
-  EXPECT_EQ(MatchByAppearance(map, {0}, {at_64}).size(), 1u);
-  EXPECT_THAT(MatchByAppearance(map, {0}, {at_65}), IsEmpty());
-  EXPECT_THAT(MatchByAppearance(map, {0}, {at_40, at_45}), IsEmpty());
-  EXPECT_THAT(MatchByAppearance(map, {0}, {at_64, at_40}), ElementsAre(LandmarkMatch{0, 1}));
+  const Feature at_20{.x_px = 100, .descriptor = WithBits(descriptor, 20)};
+  const Feature at_23{.descriptor = WithBits(descriptor, 23)};
+  const Feature at_38{.descriptor = WithBits(descriptor, 38)};
+  const Feature at_39{.descriptor = WithBits(descriptor, 39)};
+  EXPECT_EQ(MatchByAppearance(map, {0}, {at_38}).size(), 1u);
+  EXPECT_THAT(MatchByAppearance(map, {0}, {at_39}), IsEmpty());
+  EXPECT_THAT(MatchByAppearance(map, {0}, {at_20, at_23}), IsEmpty());
+  EXPECT_THAT(MatchByAppearance(map, {0}, {at_38, at_20}), ElementsAre(LandmarkMatch{0, 1}));
   EXPECT_THAT(MatchByAppearance(map, {0}, {}), IsEmpty());
 }
 
 TEST(MatchByAppearance, GivesAFeatureToOneLandmarkOnly) {
   StreetRandom random(8);
   const Descriptor descriptor = random.RandomDescriptor();
-  const MapSnapshot map{.landmarks = {{.descriptor = WithBits(descriptor, 10)},
-                                      {.descriptor = WithBits(descriptor, 5)},
-                                      {.descriptor = WithBits(descriptor, 20)}}};
+  const MapSnapshot map{.landmarks = {{.descriptor = WithBits(descriptor, 6)},
+                                      {.descriptor = WithBits(descriptor, 3)},
+                                      {.descriptor = WithBits(descriptor, 10)}}};
   EXPECT_THAT(MatchByAppearance(map, {0, 1, 2}, {{.descriptor = descriptor}}),
               ElementsAre(LandmarkMatch{1, 0}));
 }

@@ -15,7 +15,7 @@ using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
 const Rigid3 kMapFromWorld{RotationExp({0.1, -0.7, 0.05}), {3, -1, 20}};
-const StreetNoise kNoise{.pixel_px = 0.5, .descriptor_bits = 20};
+const StreetNoise kNoise{.pixel_px = 0.5, .descriptor_bits = 10};
 const GpsFix kOrigin{49, 8.4, 110};
 
 std::shared_ptr<const Vocabulary> TheVocabulary() {
@@ -174,7 +174,7 @@ LeanMap WithDecoys(const LeanMap& map, const std::vector<Feature>& frame, int co
 TEST(PlaceSearch, TriesOtherPlacesFrameAfterFrame) {
   const Street street = MakeStreet(3, 60);
   const Rigid3 pose{Eigen::Quaterniond::Identity(), {0, 0, 5}};
-  const auto features = SeeStreet(street, kStreetRig, pose, {.descriptor_bits = 45});
+  const auto features = SeeStreet(street, kStreetRig, pose, {.descriptor_bits = 22});
   const ReconstructedMap map = Reconstruct(WithDecoys(
       MapStreet(street, {5}, kStreetRig, DriveAlong(0, 0, 10), kMapFromWorld), features, 10));
   PlaceSearchOptions options;

@@ -68,7 +68,8 @@ SizedFeatures::BestFeature SizedFeatures::FindBest(const SnapshotLandmark& landm
   for (auto slot = static_cast<size_t>(begin - levels_at_1m_.begin()); slot < last; ++slot) {
     const int distance = HammingDistance(landmark.descriptor, descriptors_[slot]);
     if (distance >= best.second) continue;
-    const bool is_twin = best.distance <= 256 && AreTwins(best.slot, slot);
+    const bool is_twin =
+        best.distance <= static_cast<int>(kSignatureBits) && AreTwins(best.slot, slot);
     if (distance < best.distance) {
       if (!is_twin) best.second = best.distance;
       best.distance = distance;

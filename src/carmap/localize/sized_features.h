@@ -20,7 +20,7 @@ namespace carmap {
 
 struct SizeMatchOptions {
   double max_level_difference = 2;  ///< between the sizes, in levels of the pyramid
-  int max_distance_bits = 70;       ///< of the signatures
+  int max_distance_bits = 40;       ///< of the signatures
   double max_ratio = 0.9;           ///< to the second best feature, elsewhere in the image
 };
 

@@ -66,7 +66,7 @@ class SnapshotOfTest : public ::testing::Test {
       keyframe.features = std::make_shared<const std::vector<Feature>>(features);
     }
     Descriptor descriptor;
-    descriptor.words[3] = 77;
+    descriptor.words[1] = 77;
     edit.added_landmarks = {
         {Mark(30), {0, 0, 11}, descriptor, {{Frame(1), 1}, {Frame(2), 0}, {Frame(3), 3}}},
         {Mark(20), {0, 0, 12}, {}, {{Frame(2), 2}}},
@@ -93,7 +93,7 @@ TEST_F(SnapshotOfTest, HoldsTheKeyframesAndAllThatTheySee) {
   EXPECT_EQ(snapshot.keyframes[1].map_from_camera.translation.z(), 2);
   ASSERT_TRUE(snapshot.keyframes[1].gps);
   EXPECT_EQ(snapshot.landmarks[1].position_in_map.z(), 11);
-  EXPECT_EQ(snapshot.landmarks[1].descriptor.words[3], 77u);
+  EXPECT_EQ(snapshot.landmarks[1].descriptor.words[1], 77u);
 }
 
 TEST_F(SnapshotOfTest, DerivesVisibilityFromAllViewersAlsoThoseOutside) {

@@ -42,7 +42,7 @@ struct Landmark {
   Eigen::Vector3d position_in_map = Eigen::Vector3d::Zero();
   Descriptor descriptor;
   std::vector<Observation> observations;  ///< ascending by keyframe, one a keyframe
-  MobilityVotes votes;  ///< also of keyframes that were removed since
+  MobilityVotes votes;                    ///< also of keyframes that were removed since
 
   /// Of traffic, or parked (paper §3.3). It holds no pose and enters no lean map.
   bool is_non_static() const { return votes.Elected() == Mobility::kNonStatic; }

@@ -36,7 +36,11 @@ class StreetRandom {
     for (int i = 0; i < 12; ++i) sum += Uniform(0, 1);
     return sigma * sum;
   }
-  Descriptor RandomDescriptor() { return {{Bits(), Bits(), Bits(), Bits()}}; }
+  Descriptor RandomDescriptor() {
+    Descriptor descriptor;
+    for (uint64_t& word : descriptor.words) word = Bits();
+    return descriptor;
+  }
 
  private:
   std::mt19937_64 generator_;
@@ -91,7 +95,7 @@ inline Feature SeeCorner(const Street::Corner& corner, const StereoRig& rig,
 
 inline void FlipBits(int count, StreetRandom& random, Descriptor& descriptor) {
   for (int i = 0; i < count; ++i) {
-    const uint64_t bit = random.Bits() % 256;
+    const uint64_t bit = random.Bits() % kSignatureBits;
     descriptor.words[bit / 64] ^= uint64_t{1} << (bit % 64);
   }
 }

@@ -35,7 +35,7 @@ class LocalMapperTest : public ::testing::Test {
       if (!link) continue;
       const Descriptor& descriptor = mapper.map().Find(*link)->descriptor;
       for (uint32_t i = 0; i < made.keyframe.features->size(); ++i) {
-        if (HammingDistance((*made.keyframe.features)[i].descriptor, descriptor) > 50) continue;
+        if (HammingDistance((*made.keyframe.features)[i].descriptor, descriptor) > 25) continue;
         made.landmark_of_feature.emplace_back(*link, i);
       }
     }
@@ -56,7 +56,7 @@ class LocalMapperTest : public ::testing::Test {
     for (const auto& [id, landmark] : map.landmarks()) {
       const Eigen::Vector3d p = poses_.front() * landmark.position_in_map;
       for (const Street::Corner& corner : street_.corners) {
-        if (HammingDistance(corner.descriptor, landmark.descriptor) > 60) continue;
+        if (HammingDistance(corner.descriptor, landmark.descriptor) > 30) continue;
         errors.push_back((corner.p_in_world - p).norm());
         break;
       }
@@ -112,7 +112,7 @@ TEST_F(LocalMapperTest, MendsPosesThatTrackingGotWrong) {
   LocalMapper mapper(kStreetRig, kDrive, {});
   const Rigid3 error{RotationExp({0, 0.001, 0}), {0.02, -0.01, 0.02}};
   for (uint32_t i = 0; i < 8; ++i) {
-    mapper.Insert(TrackedAt(mapper, i, See(i, {.pixel_px = 0.25, .descriptor_bits = 10}),
+    mapper.Insert(TrackedAt(mapper, i, See(i, {.pixel_px = 0.25, .descriptor_bits = 5}),
                             i > 0 ? error : Rigid3()));
   }
   EXPECT_EQ(mapper.map().keyframes().begin()->second.map_from_camera.translation,

@@ -108,7 +108,7 @@ TEST_F(LoopCorrectionTest, FuseNamesTheSameCorners) {
     };
     for (const Observation& observation : landmark.observations) {
       ++all;
-      wrong += HammingDistance(descriptor(observation), descriptor(landmark.observations[0])) > 60;
+      wrong += HammingDistance(descriptor(observation), descriptor(landmark.observations[0])) > 30;
     }
   }
   EXPECT_LT(static_cast<double>(wrong), 0.002 * static_cast<double>(all));

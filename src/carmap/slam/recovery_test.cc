@@ -82,7 +82,7 @@ TEST_F(RecoveryTest, LooksOnlyNearThePredictionAndAmongTheCandidates) {
 TEST_F(RecoveryTest, FindsAFrameAnywhere) {
   for (const double z : {5.0, 55.0}) {
     const Rigid3 pose{RotationExp({0, -0.05, 0}), {-0.8, 0, z}};
-    const auto features = SeeStreet(street_, kStreetRig, pose, {.descriptor_bits = 20});
+    const auto features = SeeStreet(street_, kStreetRig, pose, {.descriptor_bits = 10});
     const FeatureGrid grid(features, kStreetRig.camera.width, kStreetRig.camera.height);
     ExpectAt(FindAnywhere(map(), all_, grid, kStreetRig, {}), pose);
   }

@@ -48,7 +48,7 @@ inline Street MakeRoundStreet(uint64_t seed, double circumference_m, double peri
 struct RoundOptions {
   double circumference_m = 240;
   double step_m = 1.5;
-  StreetNoise noise{.pixel_px = 0.2, .descriptor_bits = 12};
+  StreetNoise noise{.pixel_px = 0.2, .descriptor_bits = 6};
   /// Of the camera that sees, against the rig that the mapper believes in: the map drifts.
   double focal_error = 0.01;
 };

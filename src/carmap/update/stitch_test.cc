@@ -17,7 +17,7 @@ using ::testing::HasSubstr;
 const Rigid3 kBaseFromWorld{RotationExp({0.1, -0.7, 0.05}), {3, -1, 20}};
 const Rigid3 kSegmentFromWorld{RotationExp({-0.02, 1.9, 0.03}), {-400, 5, 60}};
 const Rigid3 kBaseFromSegment = kBaseFromWorld * kSegmentFromWorld.Inverse();
-const StreetNoise kNoise{.pixel_px = 0.5, .descriptor_bits = 10};
+const StreetNoise kNoise{.pixel_px = 0.5, .descriptor_bits = 5};
 
 LeanMap BaseMap(const Street& street, const StreetNoise& noise = {}) {
   return MapStreet(street, {500}, kStreetRig, DriveAlong(0, 0, 70), kBaseFromWorld, noise);

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kStreetLengthM = 160;
 const Rigid3 kMapFromWorld{RotationExp({0.1, -0.7, 0.05}), {3, -1, 20}};
-const StreetNoise kNoise{.pixel_px = 0.4, .descriptor_bits = 12};
+const StreetNoise kNoise{.pixel_px = 0.4, .descriptor_bits = 6};
 
 /// A vehicle in a map: what it sees, and its own odometry, good to a centimetre a frame.
 class TestVehicle {
