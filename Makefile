@@ -18,14 +18,16 @@ help:  ## list these commands
 setup:  ## install the Debian packages that are missing
 	@scripts/install_dependencies.sh build
 
-build: setup  ## the optimised program: build/release/bin/carmap
+build: setup  ## the optimised program alone: build/release/bin/carmap
 	@cmake --preset release
-	@cmake --build --preset release
+	@cmake --build --preset release --target carmap
 
 demo: build  ## simulate two drives, map, stitch and localize; report in demo/
 	@scripts/demo.sh
 
-test: build  ## build, then run all tests
+test: setup  ## build everything, then run all tests
+	@cmake --preset release
+	@cmake --build --preset release
 	@ctest --preset release
 
 bench: setup  ## time what is hot, as ratios to a yardstick

@@ -6,5 +6,5 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 cmake --preset release
-cmake --build --preset release
+cmake --build --preset release --target carmap_bench
 build/release/bin/carmap_bench "$@"
