@@ -53,12 +53,12 @@ segmenter: build  ## make the program's default segmentation network anew, of si
 	@scripts/install_dependencies.sh segmenter
 	@scripts/train_segmenter.sh
 
-lint:  ## formatting, clang-tidy, shell scripts
+lint:  ## formatting, shell scripts, clang-tidy over what differs from main [ALL=1]
 	@scripts/install_dependencies.sh lint
-	@scripts/lint.sh
+	@scripts/lint.sh $(if $(ALL),--all)
 
 format:  ## format all C++ sources
-	@scripts/install_dependencies.sh lint
+	@scripts/install_dependencies.sh style
 	@find src tests bench fuzz -name '*.h' -o -name '*.cc' | xargs clang-format -i
 
 asan: setup  ## build and test under address and undefined-behaviour sanitizers

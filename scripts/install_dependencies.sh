@@ -2,7 +2,7 @@
 # Installs the Debian 12 packages that CarMap is built with; only those missing, so that a machine
 # that has them needs neither network nor root.
 #
-#   scripts/install_dependencies.sh [build] [lint] [fuzz] [segmenter]     (default: build)
+#   scripts/install_dependencies.sh [build] [style] [lint] [fuzz] [segmenter]     (default: build)
 set -euo pipefail
 
 build_packages=(
@@ -14,7 +14,8 @@ build_packages=(
   libzstd-dev libxxhash-dev
   libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev
 )
-lint_packages=(clang-format clang-tidy shellcheck)
+style_packages=(clang-format shellcheck)
+lint_packages=("${style_packages[@]}" clang-tidy)
 fuzz_packages=(clang-14 libclang-rt-14-dev)
 segmenter_packages=(python3-torch python3-opencv python3-numpy)
 
@@ -31,10 +32,11 @@ packages=("${build_packages[@]}")
 for group in "$@"; do
   case "$group" in
     build) ;;
+    style) packages+=("${style_packages[@]}") ;;
     lint) packages+=("${lint_packages[@]}") ;;
     fuzz) packages+=("${fuzz_packages[@]}") ;;
     segmenter) packages+=("${segmenter_packages[@]}") ;;
-    *) fail "unknown group '$group'; the groups are build, lint, fuzz and segmenter" ;;
+    *) fail "unknown group '$group'; the groups are build, style, lint, fuzz and segmenter" ;;
   esac
 done
 
