@@ -136,7 +136,7 @@ class DriveLocalizer {
  private:
   static constexpr size_t kMinFeatures = 50;  ///< fewer come of a black or blinded image
 
-  /// The drive's own map only carries the pose from frame to frame.
+  /// Of the drive's own map only the motion from frame to frame is used.
   static MapDriveOptions OwnMapOptions(std::shared_ptr<Segmenter> segmenter) {
     MapDriveOptions options;
     options.segmenter = std::move(segmenter);

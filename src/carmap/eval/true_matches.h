@@ -1,9 +1,9 @@
 // Which features of two successive frames are the same point of the world, told by place alone.
 //
 // Whoever matches by descriptor cannot say afterwards how far descriptors of the same point lie
-// apart: those far apart were not matched. Here a feature with depth is carried into the next frame
-// by the camera's motion, and its true match is the feature that lies where it must appear. Pure
-// functions, thread-safe.
+// apart: those far apart were not matched. Here a feature with depth is projected into the next
+// frame by the camera's motion, and its true match is the feature that lies where it must appear.
+// Pure functions, thread-safe.
 #pragma once
 
 #include <Eigen/Core>

@@ -22,16 +22,16 @@ struct LandmarkMatch {
 };
 
 struct ProjectionMatchOptions {
-  double radius_px =
-      4;  ///< half side of the search window at level 0; grows with the level's scale
+  /// Half the side of the search window at level 0; grows with the level's scale.
+  double radius_px = 4;
   /// What is not known of the camera's place, metres: the window of a landmark is as much larger as
   /// this makes at its distance.
   double position_radius_m = 0;
   int max_distance_bits = 38;  ///< of the signatures
   double max_ratio = 0.8;      ///< to the best at another place in the window
   double max_level_difference = 1.6;
-  double max_viewing_angle_rad =
-      1.2;  ///< between the landmark's mean viewing direction and this one
+  /// Between the landmark's mean viewing direction and this one.
+  double max_viewing_angle_rad = 1.2;
 };
 
 /// Whether a camera there must see the landmark unless something hides it: within the image, from a

@@ -37,8 +37,8 @@ struct LabelledKeyframe {
 };
 
 struct LabellingOptions {
-  size_t every =
-      1;  ///< every n-th keyframe is to be labelled; the paper's segmentation cycle (§A.7)
+  /// Every n-th keyframe is to be labelled; the paper's segmentation cycle (§A.7).
+  size_t every = 1;
   /// So many keyframes after its own a keyframe's labels are returned, unless in real time.
   size_t lag = 2;
   /// Never wait: labels are returned when they are there, and a keyframe that comes while the

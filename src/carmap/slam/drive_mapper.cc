@@ -22,7 +22,7 @@ class DriveMapper::MappingStage {
         queue_(1) {
     if (options.sequential) return;
     thread_ = std::thread([this] {
-      while (auto keyframe = queue_.Pop()) Publish(TakeIn(*keyframe));
+      while (auto keyframe = queue_.Pop()) Publish(AddToMap(*keyframe));
     });
   }
   ~MappingStage() { WaitForEnd(); }
@@ -32,7 +32,7 @@ class DriveMapper::MappingStage {
     if (thread_.joinable()) {
       queue_.Push(std::move(keyframe));
     } else {
-      Publish(TakeIn(keyframe));
+      Publish(AddToMap(keyframe));
     }
   }
   /// The map with all keyframes inserted so far; null before the first. Waits until it is there.
@@ -57,7 +57,7 @@ class DriveMapper::MappingStage {
   void Finish(const std::vector<LabelledKeyframe>& labelled) {
     WaitForEnd();
     mapper_.TakeLabels(labelled);
-    mapper_.DropShreds();
+    mapper_.EraseShortParts();
     closer_.Finish(mapper_);
   }
   const LocalMapper& mapper() const { return mapper_; }
@@ -70,7 +70,7 @@ class DriveMapper::MappingStage {
     return loops;
   }
 
-  std::shared_ptr<const LocalMap> TakeIn(const NewKeyframe& keyframe) {
+  std::shared_ptr<const LocalMap> AddToMap(const NewKeyframe& keyframe) {
     const KeyframeId id = keyframe.keyframe.id;
     auto local_map = mapper_.Insert(keyframe);
     return closer_.Process(id, mapper_) ? mapper_.MapAround(id) : local_map;

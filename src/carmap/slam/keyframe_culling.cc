@@ -13,8 +13,8 @@ class Culler {
  public:
   Culler(const Map& map, const KeyframeCullingOptions& options) : map_(map), options_(options) {}
 
-  bool IsGone(KeyframeId id) const {
-    return std::find(gone_.begin(), gone_.end(), id) != gone_.end();
+  bool IsCulled(KeyframeId id) const {
+    return std::find(culled_.begin(), culled_.end(), id) != culled_.end();
   }
 
   /// Whether enough others see what the keyframe sees, as large as it does.
@@ -28,7 +28,8 @@ class Culler {
       const auto& observations = map_.Find(*links[i])->observations;
       const auto others =
           std::count_if(observations.begin(), observations.end(), [&](const Observation& o) {
-            return o.keyframe_id != id && LevelOf(o) <= features[i].level && !IsGone(o.keyframe_id);
+            return o.keyframe_id != id && LevelOf(o) <= features[i].level &&
+                   !IsCulled(o.keyframe_id);
           });
       seen_by_others += others >= options_.min_other_viewers;
     }
@@ -40,7 +41,7 @@ class Culler {
     const Rigid3 camera_from_map = map_.Find(id)->map_from_camera.Inverse();
     double ahead_m = std::numeric_limits<double>::infinity(), behind_m = ahead_m;
     for (const Covisibility& other : CovisibleKeyframes(map_, id, 1)) {
-      if (IsGone(other.id)) continue;
+      if (IsCulled(other.id)) continue;
       const Rigid3 step = camera_from_map * map_.Find(other.id)->map_from_camera;
       if (RotationAngle(step.rotation) > options_.max_turn_rad ||
           step.translation.head<2>().norm() > options_.max_lateral_m) {
@@ -52,8 +53,8 @@ class Culler {
     return ahead_m + behind_m <= options_.max_gap_m;
   }
 
-  void Remove(KeyframeId id) { gone_.push_back(id); }
-  const std::vector<KeyframeId>& gone() const { return gone_; }
+  void Remove(KeyframeId id) { culled_.push_back(id); }
+  const std::vector<KeyframeId>& culled() const { return culled_; }
 
  private:
   int LevelOf(const Observation& o) const {
@@ -62,7 +63,7 @@ class Culler {
 
   const Map& map_;
   const KeyframeCullingOptions& options_;
-  std::vector<KeyframeId> gone_;
+  std::vector<KeyframeId> culled_;
 };
 
 }  // namespace
@@ -74,7 +75,7 @@ std::vector<KeyframeId> RedundantKeyframes(const Map& map,
   for (const KeyframeId& id : candidates) {
     if (culler.IsRedundant(id) && culler.IsCovered(id)) culler.Remove(id);
   }
-  return culler.gone();
+  return culler.culled();
 }
 
 }  // namespace carmap

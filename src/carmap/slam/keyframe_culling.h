@@ -21,7 +21,7 @@ struct KeyframeCullingOptions {
   double max_turn_rad = 0.25;
 };
 
-/// Those of the candidates, in their order, that may all go together.
+/// Those of the candidates, in their order, that may all be culled together.
 std::vector<KeyframeId> RedundantKeyframes(const Map& map,
                                            const std::vector<KeyframeId>& candidates,
                                            const KeyframeCullingOptions& options);

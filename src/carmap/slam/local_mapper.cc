@@ -54,7 +54,7 @@ std::shared_ptr<const LocalMap> LocalMapper::Insert(const NewKeyframe& new_keyfr
   const auto run = [this](const char* step, auto&& make_edit) {
     const Stopwatch watch;
     const MapEdit edit = make_edit();
-    Carry(step, edit, watch.ElapsedMs());
+    ApplyStep(step, edit, watch.ElapsedMs());
   };
   TakeLabels(new_keyframe.labelled);
   if (new_keyframe.begins_part) {
@@ -95,7 +95,7 @@ std::optional<LocatedFrame> LocalMapper::Locate(const std::vector<Feature>& feat
   if (open_part_ && found->keyframe_id < open_part_->first) {
     const Stopwatch watch;
     const MapEdit edit = LeavePart();
-    Carry("join", edit, watch.ElapsedMs());
+    ApplyStep("join", edit, watch.ElapsedMs());
   }
   return located;
 }
@@ -111,7 +111,7 @@ std::optional<Rigid3> LocalMapper::PoseOf(KeyframeId id) const {
   return keyframe->map_from_camera * anchor_from_camera;
 }
 
-void LocalMapper::DropShreds() {
+void LocalMapper::EraseShortParts() {
   const std::vector<std::vector<KeyframeId>> parts = ConnectedParts(map_);
   const auto by_size = [](const auto& a, const auto& b) { return a.size() < b.size(); };
   const auto largest = std::max_element(parts.begin(), parts.end(), by_size);
@@ -120,7 +120,7 @@ void LocalMapper::DropShreds() {
     if (part == largest || part->size() >= options_.min_part_keyframes) continue;
     edit.removed_keyframes.insert(edit.removed_keyframes.end(), part->begin(), part->end());
   }
-  Carry("cull", edit, 0);
+  ApplyStep("cull", edit, 0);
 }
 
 void LocalMapper::TakeLabels(const std::vector<LabelledKeyframe>& labelled) {
@@ -130,12 +130,12 @@ void LocalMapper::TakeLabels(const std::vector<LabelledKeyframe>& labelled) {
     edit.labelled_keyframes.push_back(
         {id, std::make_shared<const std::vector<Mobility>>(of_feature)});
   }
-  Carry("label", edit, 0);
+  ApplyStep("label", edit, 0);
 }
 
 void LocalMapper::Apply(const MapEdit& edit) { carmap::Apply(edit, map_).value(); }
 
-void LocalMapper::Carry(const char* step, const MapEdit& edit, double elapsed_ms) {
+void LocalMapper::ApplyStep(const char* step, const MapEdit& edit, double elapsed_ms) {
   const Stopwatch watch;
   carmap::Apply(edit, map_).value();  // our own edits are of the present version
   step_ms_[step] += elapsed_ms + watch.ElapsedMs();
@@ -335,7 +335,7 @@ BundleOptions LocalMapper::OptionsFor(size_t window_keyframes) const {
   return bundle;
 }
 
-/// Landmarks that only one keyframe saw go along with it.
+/// Landmarks that only one keyframe saw move with it.
 void LocalMapper::MoveLoneLandmarks(MapEdit& edit) const {
   for (const auto& [id, map_from_camera] : edit.moved_keyframes) {
     Keyframe keyframe = *map_.Find(id);

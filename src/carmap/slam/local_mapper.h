@@ -43,13 +43,13 @@ struct LocalMapperOptions {
   WindowOptions window;               ///< adjusted together, and offered to the tracker
   double min_new_disparity_px = 1.5;  ///< of a feature that becomes a landmark
   size_t trial_keyframes = 3;         ///< a landmark this many keyframes old ...
-  size_t min_trial_observations = 3;  ///< ... must have been seen by this many, or goes
+  size_t min_trial_observations = 3;  ///< ... is culled unless this many saw it
   BiasOptions bias;
   BundleOptions bundle;
   KeyframeCullingOptions culling;
   RecoveryOptions recovery;
   size_t join_attempts = 10;      ///< keyframes of a new part that are looked for in the older map
-  size_t min_part_keyframes = 3;  ///< a part that ends with fewer goes
+  size_t min_part_keyframes = 3;  ///< a part that ends with fewer is erased
 };
 
 /// A frame chosen as keyframe, with the landmarks that tracking found in it.
@@ -79,7 +79,7 @@ class LocalMapper {
   LocalMapper(const StereoRig& rig, DriveId drive_id, const LocalMapperOptions& options)
       : rig_(rig), drive_id_(drive_id), options_(options) {}
 
-  /// Takes the keyframe into the map, improves the map around it, and returns that part.
+  /// Inserts the keyframe into the map, improves the map around it, and returns that part.
   std::shared_ptr<const LocalMap> Insert(const NewKeyframe& keyframe);
 
   /// The map around a keyframe that is in it.
@@ -90,18 +90,18 @@ class LocalMapper {
   std::optional<LocatedFrame> Locate(const std::vector<Feature>& features,
                                      const Rigid3& predicted_map_from_camera);
 
-  /// At the end of the drive: removes what is left of parts too short to hold a landmark that can
-  /// be trusted.
-  void DropShreds();
+  /// At the end of the drive: erases parts that are too short to hold a landmark that can be
+  /// trusted.
+  void EraseShortParts();
 
-  /// Pose of a keyframe that was taken in, also of one that was redundant and went; nothing if it
-  /// went with a part that came to nothing.
+  /// Pose of a keyframe that was inserted, also of one that was culled as redundant since; nothing
+  /// if it was erased with its part.
   std::optional<Rigid3> PoseOf(KeyframeId id) const;
 
   /// Labels of keyframes, which vote on the landmarks that they see (§3.3).
   void TakeLabels(const std::vector<LabelledKeyframe>& labelled);
 
-  /// Takes in a change that was worked out elsewhere.
+  /// Applies an edit that was worked out elsewhere.
   void Apply(const MapEdit& edit);
 
   const Map& map() const { return map_; }
@@ -127,7 +127,7 @@ class LocalMapper {
   BundleOptions OptionsFor(size_t window_keyframes) const;
   void MoveLoneLandmarks(MapEdit& edit) const;
   Eigen::Vector3d Triangulate(const Keyframe& keyframe, const Feature& feature) const;
-  void Carry(const char* step, const MapEdit& edit, double elapsed_ms);
+  void ApplyStep(const char* step, const MapEdit& edit, double elapsed_ms);
 
   StereoRig rig_;
   size_t bias_adjustments_ = 0;  ///< that estimated its disparity bias
@@ -145,7 +145,7 @@ class LocalMapper {
   };
   std::optional<OpenPart> open_part_;
 
-  /// Where a keyframe was that went, by one that stayed at the time.
+  /// Where a culled keyframe was, relative to one that stayed at the time.
   struct Anchor {
     KeyframeId keyframe_id;
     Rigid3 anchor_from_camera;

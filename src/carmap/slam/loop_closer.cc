@@ -5,7 +5,7 @@
 
 #include "carmap/base/stopwatch.h"
 #include "carmap/feature/vocabulary.h"
-#include "carmap/map/carry_along.h"
+#include "carmap/map/propagate_edit.h"
 
 namespace carmap {
 
@@ -50,7 +50,7 @@ void LoopCloser::TakeAdjustment(LocalMapper& mapper) {
   MapEdit edit = adjustment_->Finish();
   adjustment_.reset();
   KeepFirstKeyframe(mapper.map(), edit);
-  mapper.Apply(CarryAlong(mapper.map(), std::move(edit)));
+  mapper.Apply(PropagateEdit(mapper.map(), std::move(edit)));
   mapper.CountTime("adjust_all", watch.ElapsedMs());
 }
 

@@ -37,7 +37,7 @@ class LoopCloser {
   /// Without a vocabulary places are looked for by position alone.
   LoopCloser(const LoopCloserOptions& options, std::shared_ptr<const Vocabulary> vocabulary);
 
-  /// To be called after each keyframe that the mapper took in. Returns whether it changed the map:
+  /// To be called after each keyframe that the mapper inserted. Returns whether it changed the map:
   /// then what the mapper offered to the tracker is out of date.
   bool Process(KeyframeId newest, LocalMapper& mapper);
 

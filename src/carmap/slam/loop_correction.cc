@@ -8,8 +8,8 @@
 
 #include "carmap/feature/feature_grid.h"
 #include "carmap/localize/landmark_matcher.h"
-#include "carmap/map/carry_along.h"
 #include "carmap/map/map_snapshot.h"
+#include "carmap/map/propagate_edit.h"
 #include "carmap/slam/link_matches.h"
 #include "carmap/solve/pose_graph.h"
 
@@ -118,7 +118,7 @@ MapEdit CorrectPoses(const Map& map, const Loop& loop, const std::vector<Positio
   GraphOfMap graph(map, options);
   graph.AddLoop(loop);
   graph.AddFixes(fixes);
-  return CarryAlong(map, graph.Solve());
+  return PropagateEdit(map, graph.Solve());
 }
 
 MapEdit FuseLoop(const Map& map, const StereoRig& rig, const Loop& loop,

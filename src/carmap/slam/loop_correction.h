@@ -31,7 +31,7 @@ struct LoopCorrectionOptions {
 };
 
 /// Poses of all keyframes such that steps, loops closed before, `loop` and `fixes` (either may be
-/// empty; FixesAsPriors) agree best. Landmarks go along with their keyframes. The first keyframe,
+/// empty; FixesAsPriors) agree best. Landmarks move with their keyframes. The first keyframe,
 /// where the map begins, stays.
 MapEdit CorrectPoses(const Map& map, const Loop& loop, const std::vector<PositionPrior>& fixes,
                      const LoopCorrectionOptions& options);

@@ -75,10 +75,10 @@ LoopDetector::~LoopDetector() = default;
 
 std::optional<Loop> LoopDetector::Detect(const Map& map, const StereoRig& rig, KeyframeId newest) {
   const Keyframe& keyframe = *map.Find(newest);
-  TakeIn(map, keyframe);
+  Add(map, keyframe);
   const auto match = Match(map, rig, keyframe);
   if (index_) index_->Add(newest, histogram_);
-  // A keyframe that went tells no correction any more.
+  // A keyframe that was culled since tells no correction any more.
   std::erase_if(chain_, [&](const LoopMatch& m) {
     return !map.Find(m.keyframe_id) || !map.Find(m.place_id);
   });
@@ -99,7 +99,7 @@ std::optional<Loop> LoopDetector::Detect(const Map& map, const StereoRig& rig, K
   return std::exchange(chain_, {});
 }
 
-void LoopDetector::TakeIn(const Map& map, const Keyframe& keyframe) {
+void LoopDetector::Add(const Map& map, const Keyframe& keyframe) {
   if (vocabulary_) {
     previous_histogram_ = std::move(histogram_);
     histogram_ = HistogramOf(*vocabulary_, *keyframe.features);

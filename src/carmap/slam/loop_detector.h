@@ -78,7 +78,7 @@ class LoopDetector {
   LoopDetector(const LoopDetectorOptions& options, std::shared_ptr<const Vocabulary> vocabulary);
   ~LoopDetector();
 
-  /// Takes in the newest keyframe, which is in the map, as are all before that were not culled.
+  /// Adds the newest keyframe, which is in the map, as are all before that were not culled.
   /// Returns a loop once enough keyframes agree on it; then begins anew.
   std::optional<Loop> Detect(const Map& map, const StereoRig& rig, KeyframeId newest);
 
@@ -87,12 +87,12 @@ class LoopDetector {
   size_t rejected_count() const { return rejected_count_; }
 
  private:
-  /// Sums along all keyframes that were taken in.
+  /// Sums along all keyframes that were added.
   struct Odometer {
     double driven_m = 0, drift_m = 0, drift_rad = 0;
   };
 
-  void TakeIn(const Map& map, const Keyframe& keyframe);
+  void Add(const Map& map, const Keyframe& keyframe);
   Odometer Since(KeyframeId place_id) const;
   std::optional<KeyframeId> LastOfEarlierPass() const;
   bool IsPossible(const Keyframe& keyframe, const Keyframe& place) const;

@@ -120,7 +120,7 @@ void BlockSystem::LoadColumn(uint32_t column, std::vector<Matrix6d>& work) const
   }
 }
 
-/// Left-looking: each column takes in all earlier ones that reach it, then is divided by its
+/// Left-looking: each column is updated by all earlier ones that reach it, then divided by its
 /// diagonal.
 bool BlockSystem::Factorize() {
   const uint32_t count = block_count();

@@ -42,8 +42,8 @@ struct BundleOptions {
   bool estimate_disparity_bias = false;
   double bias_step_sigma_px = 0.1;  ///< how far its coefficients are expected to move
   double max_bias_px = 1;           ///< bound on each of its coefficients
-  const std::atomic<bool>* stop =
-      nullptr;  ///< when it becomes true the best state so far is returned
+  /// When it becomes true the best state so far is returned.
+  const std::atomic<bool>* stop = nullptr;
 };
 
 struct BundleSummary {

@@ -1,5 +1,5 @@
-// A vehicle's pose in the base map, frame by frame (paper §3.2): its own odometry carries the pose,
-// the base landmarks that it sees correct it.
+// A vehicle's pose in the base map, frame by frame (paper §3.2): its own odometry predicts the
+// pose, the base landmarks that it sees correct it.
 //
 // A frame in which no base landmark is seen still has a pose, with a covariance that says how far
 // dead reckoning has come. A vehicle that does not know where it is looks for places and believes

@@ -77,7 +77,7 @@ class WindowEstimator {
   void Add(const Rigid3& camera_from_previous, const Matrix6d& motion_covariance,
            SeenLandmarks seen);
 
-  /// The pose of the newest frame. Its covariance takes in what no number of its frames averages
+  /// The pose of the newest frame. Its covariance includes what no number of its frames averages
   /// out: what the depths of the map have in common (rigs are calibrated to some tenths of a
   /// pixel), and how well the map's own keyframes are known.
   const UncertainPose& newest() const { return newest_; }

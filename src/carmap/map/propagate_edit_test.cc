@@ -1,4 +1,4 @@
-#include "carmap/map/carry_along.h"
+#include "carmap/map/propagate_edit.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -40,10 +40,10 @@ Map MakeMap() {
   return map;
 }
 
-/// The map after the edit and all that goes with it.
-Map Carried(const Map& before, const MapEdit& edit) {
+/// The map after the propagated edit.
+Map Propagated(const Map& before, const MapEdit& edit) {
   Map map = before;
-  EXPECT_EQ(*Apply(CarryAlong(map, edit), map), 0u);
+  EXPECT_EQ(*Apply(PropagateEdit(map, edit), map), 0u);
   EXPECT_TRUE(CheckConsistency(map).ok());
   return map;
 }
@@ -63,14 +63,14 @@ void ExpectLandmarkMoved(const Map& before, const Map& after, uint32_t index, co
             1e-12);
 }
 
-TEST(CarryAlong, TakesKeyframesAndLandmarksAlongWithTheMovedOneBefore) {
+TEST(PropagateEdit, MovesKeyframesAndLandmarksAsTheMovedOneBefore) {
   const Map before = MakeMap();
   MapEdit edit;
   for (const auto& [index, move] : {std::pair(20u, kMove), std::pair(30u, kSmallMove)}) {
     const KeyframeId id{kDrive, index};
     edit.moved_keyframes.push_back({id, move * before.Find(id)->map_from_camera});
   }
-  const Map after = Carried(before, edit);
+  const Map after = Propagated(before, edit);
   ExpectMoved(before, after, 10, kMove);  // none before it
   ExpectMoved(before, after, 20, kMove);
   ExpectMoved(before, after, 30, kSmallMove);
@@ -79,23 +79,23 @@ TEST(CarryAlong, TakesKeyframesAndLandmarksAlongWithTheMovedOneBefore) {
   for (const uint32_t index : {30u, 40u}) ExpectLandmarkMoved(before, after, index, kSmallMove);
 }
 
-TEST(CarryAlong, LeavesWhatTheEditMovesItselfAndOtherDrives) {
+TEST(PropagateEdit, LeavesWhatTheEditMovesItselfAndOtherDrives) {
   const Map before = MakeMap();
   MapEdit edit;
   edit.moved_keyframes.push_back({{kDrive, 10}, kMove});
   edit.moved_landmarks.push_back({{kDrive, 20}, {1, 2, 3}});
-  const Map after = Carried(before, edit);
+  const Map after = Propagated(before, edit);
   EXPECT_EQ(after.Find(LandmarkId{kDrive, 20})->position_in_map, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(after.Find(KeyframeId{kOtherDrive, 5})->map_from_camera.translation.z(), 0);
   EXPECT_EQ(after.Find(LandmarkId{kOtherDrive, 5})->position_in_map.z(), 1);
 }
 
-TEST(CarryAlong, AnEditOfPosesGoneSinceMovesNothing) {
+TEST(PropagateEdit, AnEditOfPosesErasedSinceMovesNothing) {
   const Map map = MakeMap();
   MapEdit edit;
   edit.moved_keyframes.push_back({{kDrive, 99}, kMove});
-  EXPECT_THAT(CarryAlong(map, edit).moved_landmarks, IsEmpty());
-  EXPECT_THAT(CarryAlong(Map(), edit).moved_landmarks, IsEmpty());
+  EXPECT_THAT(PropagateEdit(map, edit).moved_landmarks, IsEmpty());
+  EXPECT_THAT(PropagateEdit(Map(), edit).moved_landmarks, IsEmpty());
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "carmap/map/carry_along.h"
+#include "carmap/map/propagate_edit.h"
 
 #include <absl/container/btree_map.h>
 #include <absl/container/btree_set.h>
@@ -33,7 +33,7 @@ const Rigid3* MoveOfNeighbour(const Moves& moves, KeyframeId id) {
 
 }  // namespace
 
-MapEdit CarryAlong(const Map& map, MapEdit edit) {
+MapEdit PropagateEdit(const Map& map, MapEdit edit) {
   const Moves given = MovesOf(map, edit);
   Moves moves = given;
   for (const auto& [id, keyframe] : map.keyframes()) {
