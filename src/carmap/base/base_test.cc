@@ -1,8 +1,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
-#include <fstream>
 #include <thread>
 #include <vector>
 
@@ -51,6 +51,64 @@ TEST_F(FileTest, NamesTheFileInErrors) {
   EXPECT_FALSE(CheckWritable(folder_ / "no" / "such").ok());
   EXPECT_FALSE(CheckWritable(folder_).ok());
   EXPECT_TRUE(CheckWritable(folder_ / "fine").ok());
+}
+
+TEST_F(FileTest, WritesThroughSymbolicLinks) {
+  fs::create_directories(folder_ / "elsewhere");
+  fs::create_symlink("elsewhere/file", folder_ / "link");
+  fs::create_symlink(folder_ / "link", folder_ / "link_to_link");
+  for (const std::string bytes : {"new", "replaced"}) {
+    ASSERT_TRUE(WriteFileAtomically(folder_ / "link_to_link", bytes).ok());
+    EXPECT_EQ(*ReadFile(folder_ / "elsewhere" / "file", 100), bytes);
+  }
+  EXPECT_TRUE(fs::is_symlink(folder_ / "link"));
+  EXPECT_TRUE(fs::is_symlink(folder_ / "link_to_link"));
+  fs::create_symlink("no/such/folder", folder_ / "astray");
+  fs::create_symlink("loop", folder_ / "loop");
+  fs::create_symlink("/dev/null", folder_ / "device");
+  for (const char* name : {"astray", "loop", "device"}) {
+    EXPECT_FALSE(CheckWritable(folder_ / name).ok()) << name;
+    EXPECT_FALSE(WriteFileAtomically(folder_ / name, "x").ok()) << name;
+    EXPECT_TRUE(fs::is_symlink(folder_ / name)) << name;
+  }
+}
+
+TEST_F(FileTest, ObeysTheUmaskAndKeepsPermissions) {
+  const auto permissions = [&](const char* name) {
+    return static_cast<unsigned>(fs::status(folder_ / name).permissions());
+  };
+  const mode_t umask_before = ::umask(0027);
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "new", "x").ok());
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "old", "x").ok());
+  fs::permissions(folder_ / "old", fs::perms(0604));
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "old", "y").ok());
+  ::umask(umask_before);
+  EXPECT_EQ(permissions("new"), 0640u);
+  EXPECT_EQ(permissions("old"), 0604u);
+}
+
+TEST_F(FileTest, WritesFilesOfTheLongestName) {
+  ASSERT_TRUE(WriteFileAtomically(folder_ / std::string(255, 'x'), "x").ok());
+}
+
+TEST_F(FileTest, KnowsAFileByAllItsNames) {
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "file", "x").ok());
+  ASSERT_TRUE(WriteFileAtomically(folder_ / "other", "x").ok());
+  fs::create_hard_link(folder_ / "file", folder_ / "hard");
+  fs::create_symlink("hard", folder_ / "link");
+  fs::create_directory_symlink(".", folder_ / "here");
+  for (const char* name : {"file", "hard", "link", "here/file", "./file", "here/link"}) {
+    EXPECT_TRUE(IsSameFile(folder_ / "file", folder_ / name)) << name;
+    EXPECT_FALSE(IsSameFile(folder_ / "other", folder_ / name)) << name;
+    EXPECT_FALSE(IsSameFile(folder_ / "absent", folder_ / name)) << name;
+  }
+  fs::create_symlink("absent", folder_ / "to_absent");
+  for (const char* name : {"absent", "here/absent", "to_absent"}) {
+    EXPECT_TRUE(IsSameFile(folder_ / "absent", folder_ / name)) << name;
+    EXPECT_FALSE(IsSameFile(folder_ / "absent_too", folder_ / name)) << name;
+    EXPECT_TRUE(IsInFolder(folder_ / name, folder_)) << name;
+  }
+  EXPECT_FALSE(IsInFolder(folder_ / "file", folder_.parent_path()));
 }
 
 TEST(SummaryTest, GivesNearestRanks) {

@@ -5,8 +5,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <system_error>
@@ -27,6 +27,33 @@ absl::Status WriteError(const fs::path& path, int error) {
       fmt::format("{}: cannot be written ({}); choose a folder that exists, "
                   "is writable and has room",
                   path.string(), std::strerror(error)));
+}
+
+/// Where a symbolic link leads, to a file that need not be there; any other path as it is.
+absl::StatusOr<fs::path> FollowLinks(fs::path path) {
+  constexpr int kMaxLinks = 40;
+  std::error_code error;
+  for (int links = 0; fs::is_symlink(fs::symlink_status(path, error)); ++links) {
+    if (links == kMaxLinks) return WriteError(path, ELOOP);
+    path = ParentOf(path) / fs::read_symlink(path, error);
+  }
+  return path;
+}
+
+/// Opens a new file in the folder, with the permissions that the umask leaves; -1 as open(2).
+int CreateTemporary(const fs::path& folder, fs::path& path) {
+  static std::atomic<unsigned> count = 0;
+  int descriptor = -1;
+  do {
+    path = folder / fmt::format(".carmap.{}.{}", ::getpid(), count++);
+    descriptor = ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  } while (descriptor < 0 && errno == EEXIST);
+  return descriptor;
+}
+
+void CopyPermissions(const fs::path& from, int descriptor) {
+  struct stat status {};
+  if (::stat(from.c_str(), &status) == 0) ::fchmod(descriptor, status.st_mode & 07777);
 }
 
 absl::Status WriteAll(int descriptor, std::string_view bytes, const fs::path& path) {
@@ -86,19 +113,22 @@ absl::StatusOr<std::string> ReadFile(const fs::path& path, uint64_t max_bytes) {
 }
 
 absl::Status WriteFileAtomically(const fs::path& path, std::string_view bytes) {
-  std::string temporary = (ParentOf(path) / (path.filename().string() + ".XXXXXX")).string();
-  const int descriptor = ::mkostemp(temporary.data(), O_CLOEXEC);
+  CARMAP_RETURN_IF_ERROR(CheckWritable(path));
+  CARMAP_ASSIGN_OR_RETURN(const fs::path target, FollowLinks(path));
+  fs::path temporary;
+  const int descriptor = CreateTemporary(ParentOf(target), temporary);
   if (descriptor < 0) return WriteError(path, errno);
+  CopyPermissions(target, descriptor);
   absl::Status status = WriteAll(descriptor, bytes, path);
-  if (::fchmod(descriptor, 0644) != 0 && status.ok()) status = WriteError(path, errno);
   if (::close(descriptor) != 0 && status.ok()) status = WriteError(path, errno);
-  if (status.ok() && ::rename(temporary.c_str(), path.c_str()) != 0)
+  if (status.ok() && ::rename(temporary.c_str(), target.c_str()) != 0) {
     status = WriteError(path, errno);
+  }
   if (!status.ok()) {
     ::unlink(temporary.c_str());
     return status;
   }
-  SyncFolder(ParentOf(path));
+  SyncFolder(ParentOf(target));
   return absl::OkStatus();
 }
 
@@ -112,8 +142,23 @@ absl::Status CheckWritable(const fs::path& path) {
     return absl::InvalidArgumentError(fmt::format(
         "{}: is a device, not a file, and would be replaced; name a file to write", path.string()));
   }
-  if (::access(ParentOf(path).c_str(), W_OK | X_OK) != 0) return WriteError(path, errno);
+  CARMAP_ASSIGN_OR_RETURN(const fs::path target, FollowLinks(path));
+  if (::access(ParentOf(target).c_str(), W_OK | X_OK) != 0) return WriteError(path, errno);
   return absl::OkStatus();
+}
+
+bool IsSameFile(const fs::path& a, const fs::path& b) {
+  std::error_code error;
+  if (fs::exists(a, error) || fs::exists(b, error)) return fs::equivalent(a, b, error);
+  const auto target = FollowLinks(b);
+  return target.ok() && FollowLinks(a).value_or(a).filename() == target->filename() &&
+         IsInFolder(a, ParentOf(*target));
+}
+
+bool IsInFolder(const fs::path& path, const fs::path& folder) {
+  std::error_code error;
+  const auto target = FollowLinks(path);
+  return target.ok() && fs::equivalent(ParentOf(*target), folder, error);
 }
 
 }  // namespace carmap
