@@ -3,11 +3,15 @@
 #include <sys/stat.h>
 
 #include <filesystem>
+#include <new>
+#include <stdexcept>
 #include <thread>
 #include <vector>
 
 #include "carmap/base/bounded_queue.h"
+#include "carmap/base/exceptions.h"
 #include "carmap/base/file.h"
+#include "carmap/base/run_ahead.h"
 #include "carmap/base/summary.h"
 
 namespace carmap {
@@ -110,6 +114,35 @@ TEST_F(FileTest, KnowsAFileByAllItsNames) {
   }
   EXPECT_FALSE(IsInFolder(folder_ / "file", folder_.parent_path()));
 }
+
+TEST(ExceptionsTest, BecomeOneLine) {
+  EXPECT_TRUE(CatchExceptions([] {}).ok());
+  EXPECT_EQ(CatchExceptions([] { throw std::bad_alloc(); }).code(),
+            absl::StatusCode::kResourceExhausted);
+  EXPECT_THAT(std::string(CatchExceptions([] { throw std::runtime_error("why"); }).message()),
+              HasSubstr("why; "));
+  EXPECT_EQ(CatchExceptions([] { throw 7; }).code(), absl::StatusCode::kInternal);
+}
+
+class RunAheadTest : public testing::TestWithParam<bool> {};
+
+TEST_P(RunAheadTest, ThrowsWhatItsStageThrewAfterTheResultsBefore) {
+  int count = 0;
+  RunAhead<int> stage(GetParam(), [&]() -> std::optional<int> {
+    if (++count == 4) throw std::runtime_error("thrown");
+    return count;
+  });
+  for (int i = 1; i < 4; ++i) EXPECT_EQ(stage.Next(), i);
+  EXPECT_THROW(stage.Next(), std::runtime_error);
+  EXPECT_FALSE(stage.Next());
+}
+
+TEST_P(RunAheadTest, MayEndBeforeItThrows) {
+  RunAhead<int> stage(GetParam(), []() -> std::optional<int> { throw 7; });
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, RunAheadTest, testing::Bool(),
+                         [](const auto& mode) { return mode.param ? "Sequential" : "Ahead"; });
 
 TEST(SummaryTest, GivesNearestRanks) {
   const Summary summary = Summarize({4, 1, 3, 2});

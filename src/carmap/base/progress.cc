@@ -4,8 +4,9 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <utility>
+
+#include "carmap/base/standard_error.h"
 
 namespace carmap {
 namespace {
@@ -24,7 +25,7 @@ Progress::Progress(std::string title, size_t total)
     : title_(std::move(title)), total_(total), on_terminal_(isatty(STDERR_FILENO) == 1) {}
 
 Progress::~Progress() {
-  if (line_open_) std::fputc('\n', stderr);
+  if (line_open_) WriteToStandardError("\n");
 }
 
 void Progress::Update(size_t done, const std::string& note) {
@@ -33,10 +34,10 @@ void Progress::Update(size_t done, const std::string& note) {
   if (now_ms - last_ms_ < interval_ms && done != total_) return;
   last_ms_ = now_ms;
   const double rate = std::max<double>(done, 1) / std::max(now_ms * 1e-3, 1e-3);
-  fmt::print(stderr, "{}{} {}/{} ({:.{}f}/s{}){}{}{}", on_terminal_ ? "\r\033[K" : "", title_, done,
-             total_, rate, rate < 10 ? 1 : 0, TimeLeft(static_cast<double>(total_ - done) / rate),
-             note.empty() ? "" : ", ", note, on_terminal_ ? "" : "\n");
-  std::fflush(stderr);
+  WriteToStandardError(fmt::format("{}{} {}/{} ({:.{}f}/s{}){}{}{}", on_terminal_ ? "\r\033[K" : "",
+                                   title_, done, total_, rate, rate < 10 ? 1 : 0,
+                                   TimeLeft(static_cast<double>(total_ - done) / rate),
+                                   note.empty() ? "" : ", ", note, on_terminal_ ? "" : "\n"));
   line_open_ = on_terminal_;
 }
 

@@ -1,10 +1,12 @@
 // A stage of a pipeline that works ahead of whoever takes its results.
 //
 // One thread calls Next. Unless sequential, `produce` runs on a thread of this class, a few results
-// ahead; sequentially it runs on the caller's thread, when a result is asked for.
+// ahead; sequentially it runs on the caller's thread, when a result is asked for. What it throws,
+// Next throws, after the results before.
 #pragma once
 
 #include <cstddef>
+#include <exception>
 #include <functional>
 #include <optional>
 #include <thread>
@@ -22,8 +24,12 @@ class RunAhead {
       : produce_(std::move(produce)), queue_(kQueueLength) {
     if (sequential) return;
     thread_ = std::thread([this] {
-      while (auto result = Produce()) {
-        if (!queue_.Push(*std::move(result))) return;
+      try {
+        while (auto result = Produce()) {
+          if (!queue_.Push(*std::move(result))) return;
+        }
+      } catch (...) {
+        failure_ = std::current_exception();
       }
       queue_.Close();
     });
@@ -36,13 +42,19 @@ class RunAhead {
   RunAhead& operator=(const RunAhead&) = delete;
 
   /// The results in order; nothing after the last.
-  std::optional<T> Next() { return thread_.joinable() ? queue_.Pop() : Produce(); }
+  std::optional<T> Next() {
+    if (!thread_.joinable()) return Produce();
+    auto result = queue_.Pop();
+    if (!result && failure_) std::rethrow_exception(std::exchange(failure_, nullptr));
+    return result;
+  }
 
  private:
   static constexpr size_t kQueueLength = 2;
 
   std::optional<T> Produce() {
     if (is_at_end_) return std::nullopt;
+    is_at_end_ = true;  // if it throws, too
     auto result = produce_();
     is_at_end_ = !result;
     return result;
@@ -51,6 +63,7 @@ class RunAhead {
   const std::function<std::optional<T>()> produce_;
   bool is_at_end_ = false;  ///< the thread's own while there is one
   BoundedQueue<T> queue_;
+  std::exception_ptr failure_;  ///< the thread's own until the queue is closed
   std::thread thread_;
 };
 
