@@ -3,17 +3,20 @@
 #include <fmt/format.h>
 
 #include <condition_variable>
+#include <exception>
 #include <mutex>
 #include <thread>
 #include <utility>
 
 #include "carmap/base/bounded_queue.h"
+#include "carmap/base/exceptions.h"
 #include "carmap/base/stopwatch.h"
 #include "carmap/slam/map_parts.h"
 
 namespace carmap {
 
-/// Where the tracker hands keyframes in and finds the newest local map, on one thread or two.
+/// Where the tracker hands keyframes in and finds the newest local map, on one thread or two. What
+/// mapping throws is thrown to whoever asks for the map, from then on.
 class DriveMapper::MappingStage {
  public:
   MappingStage(const StereoRig& rig, DriveId drive_id, const MapDriveOptions& options)
@@ -22,7 +25,7 @@ class DriveMapper::MappingStage {
         queue_(1) {
     if (options.sequential) return;
     thread_ = std::thread([this] {
-      while (auto keyframe = queue_.Pop()) Publish(AddToMap(*keyframe));
+      while (auto keyframe = queue_.Pop()) Process(*keyframe);
     });
   }
   ~MappingStage() { WaitForEnd(); }
@@ -32,13 +35,14 @@ class DriveMapper::MappingStage {
     if (thread_.joinable()) {
       queue_.Push(std::move(keyframe));
     } else {
-      Publish(AddToMap(keyframe));
+      Process(keyframe);
     }
   }
   /// The map with all keyframes inserted so far; null before the first. Waits until it is there.
   std::shared_ptr<const LocalMap> WaitForMap() {
     std::unique_lock lock(mutex_);
     changed_.wait(lock, [&] { return published_ == inserted_; });
+    if (failure_) std::rethrow_exception(failure_);
     return local_map_;
   }
   /// From here on offers the map around this keyframe, until another is inserted.
@@ -55,6 +59,7 @@ class DriveMapper::MappingStage {
   size_t inserted() const { return inserted_; }
   /// Makes the map consistent as a whole, once the last labels are there. To be called last.
   void Finish(const std::vector<LabelledKeyframe>& labelled) {
+    WaitForMap();
     WaitForEnd();
     mapper_.TakeLabels(labelled);
     mapper_.EraseShortParts();
@@ -70,6 +75,17 @@ class DriveMapper::MappingStage {
     return loops;
   }
 
+  void Process(const NewKeyframe& keyframe) {
+    std::shared_ptr<const LocalMap> local_map;
+    std::exception_ptr failure;
+    try {
+      local_map = AddToMap(keyframe);
+    } catch (...) {
+      failure = std::current_exception();
+    }
+    Publish(std::move(local_map), std::move(failure));
+  }
+
   std::shared_ptr<const LocalMap> AddToMap(const NewKeyframe& keyframe) {
     const KeyframeId id = keyframe.keyframe.id;
     auto local_map = mapper_.Insert(keyframe);
@@ -81,9 +97,10 @@ class DriveMapper::MappingStage {
     if (thread_.joinable()) thread_.join();
   }
 
-  void Publish(std::shared_ptr<const LocalMap> local_map) {
+  void Publish(std::shared_ptr<const LocalMap> local_map, std::exception_ptr failure) {
     const std::lock_guard lock(mutex_);
     local_map_ = std::move(local_map);
+    failure_ = std::move(failure);
     ++published_;
     changed_.notify_one();
   }
@@ -94,6 +111,7 @@ class DriveMapper::MappingStage {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::shared_ptr<const LocalMap> local_map_;
+  std::exception_ptr failure_;
   size_t published_ = 0;
   size_t inserted_ = 0;  ///< the tracker's own
   std::thread thread_;
@@ -190,9 +208,15 @@ std::optional<LabellingSummary> DriveMapper::labelling() const {
 }
 
 absl::StatusOr<MappedDrive> DriveMapper::Finish() {
-  mapping_->Finish(labeller_ ? labeller_->Finish() : std::vector<LabelledKeyframe>());
+  const absl::Status finished = CatchExceptions(
+      [&] { mapping_->Finish(labeller_ ? labeller_->Finish() : std::vector<LabelledKeyframe>()); });
   result_.labelling = labelling();
+  result_.failure = std::string(finished.message());
   const LocalMapper& mapper = mapping_->mapper();
+  if (!finished.ok() &&
+      (mapper.map().keyframes().empty() || !CheckConsistency(mapper.map()).ok())) {
+    return finished;
+  }
   if (mapper.map().keyframes().empty()) {
     return absl::FailedPreconditionError(
         fmt::format("no frame of {} could be tracked; the first: {}", frames_.size(),

@@ -73,8 +73,12 @@ struct MappedDrive {
   size_t rejected_loop_keyframes = 0;         ///< see LoopDetector::rejected_count
   std::optional<Georeference> georeference;   ///< where GPS fixes tell it
   std::optional<LabellingSummary> labelling;  ///< where keyframes were to be labelled
-  std::vector<double> frame_ms;               ///< from images in memory to the frame's pose
-  std::map<std::string, double> stage_ms;     ///< total of each stage
+  /// Why the map ends before the drive or was not adjusted as a whole: an exception, in one line.
+  std::string failure;
+  std::vector<double> frame_ms;            ///< from images in memory to the frame's pose
+  std::map<std::string, double> stage_ms;  ///< total of each stage
+
+  size_t tracked_frames() const { return trajectory.size() - lost_frames.size(); }
 };
 
 class DriveMapper {
@@ -86,7 +90,7 @@ class DriveMapper {
   DriveMapper& operator=(const DriveMapper&) = delete;
 
   /// The next frame in the map so far, which grows by it where it shows something new. The result
-  /// lives until the next call.
+  /// lives until the next call. Throws what a stage threw; then all that is left to do is Finish.
   const TrackedFrame& Take(const ExtractedFrame& frame);
 
   /// From images in memory to the last frame's pose, without waiting for the mapper; 0 if it could
@@ -100,7 +104,8 @@ class DriveMapper {
   std::optional<LabellingSummary> labelling() const;
 
   /// Makes the map consistent as a whole. To be called last, once.
-  /// Errors: FailedPrecondition when no frame could be tracked.
+  /// Errors: FailedPrecondition when no frame could be tracked; what a stage threw if nothing can
+  /// be saved of the map.
   absl::StatusOr<MappedDrive> Finish();
 
  private:

@@ -1,5 +1,6 @@
 #include "carmap/slam/frame_extraction.h"
 
+#include "carmap/base/exceptions.h"
 #include "carmap/base/stopwatch.h"
 #include "carmap/dataset/image_file.h"
 
@@ -23,10 +24,17 @@ std::optional<ExtractedFrame> FrameExtraction::Extract() {
     result.unusable_because = "the image is the same as the one before: the camera was frozen";
     return result;
   }
-  previous_left_ = result.left = frame->left;
+  previous_left_ = frame->left;
   const Stopwatch watch;
-  result.features = std::make_shared<const std::vector<Feature>>(
-      front_end_.Extract(frame->left, frame->right, &result.times));
+  const absl::Status extracted = CatchExceptions([&] {
+    result.features = std::make_shared<const std::vector<Feature>>(
+        front_end_.Extract(frame->left, frame->right, &result.times));
+  });
+  if (!extracted.ok()) {
+    result.unusable_because = std::string(extracted.message());
+    return result;
+  }
+  result.left = frame->left;
   result.front_end_ms = watch.ElapsedMs();
   return result;
 }

@@ -38,7 +38,8 @@ class FrameExtraction {
   /// Sequentially, all is done on the caller's thread, when a frame is asked for.
   FrameExtraction(FrameSource& source, const FrontEndOptions& options, bool sequential);
 
-  /// The frames in order, also those that cannot be used; nothing after the last.
+  /// The frames in order, also those that cannot be used; nothing after the last. Throws what the
+  /// source threw, after the frames before.
   std::optional<ExtractedFrame> Next() { return frames_.Next(); }
 
   const StereoFrontEnd& front_end() const { return front_end_; }

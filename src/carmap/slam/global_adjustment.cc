@@ -46,23 +46,15 @@ MapBundle MakeGlobalBundle(const Map& map, const StereoRig& rig,
 GlobalAdjustment::GlobalAdjustment(MapBundle problem, const BundleOptions& options, bool sequential)
     : problem_(std::move(problem)), options_(options) {
   options_.stop = &stop_;
-  if (!sequential) thread_ = std::thread([this] { Solve(); });
+  summary_ = std::async(sequential ? std::launch::deferred : std::launch::async,
+                        [this] { return AdjustBundle(problem_.bundle, options_); });
 }
 
-GlobalAdjustment::~GlobalAdjustment() {
-  stop_ = true;
-  if (thread_.joinable()) thread_.join();
-}
+GlobalAdjustment::~GlobalAdjustment() { stop_ = true; }
 
 MapEdit GlobalAdjustment::Finish() {
-  if (thread_.joinable()) {
-    thread_.join();
-  } else {
-    Solve();
-  }
-  return EditOf(problem_, summary_);
+  const BundleSummary summary = summary_.get();
+  return EditOf(problem_, summary);
 }
-
-void GlobalAdjustment::Solve() { summary_ = AdjustBundle(problem_.bundle, options_); }
 
 }  // namespace carmap

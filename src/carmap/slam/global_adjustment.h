@@ -3,7 +3,7 @@
 
 #include <atomic>
 #include <cstddef>
-#include <thread>
+#include <future>
 #include <vector>
 
 #include "carmap/geometry/camera.h"
@@ -42,17 +42,14 @@ class GlobalAdjustment {
   GlobalAdjustment& operator=(const GlobalAdjustment&) = delete;
 
   /// Waits for the result: an edit against the version of the map that the problem was made of. To
-  /// be asked once.
+  /// be asked once. Throws what the solver threw.
   MapEdit Finish();
 
  private:
-  void Solve();
-
   MapBundle problem_;
   BundleOptions options_;
-  BundleSummary summary_;
   std::atomic<bool> stop_ = false;
-  std::thread thread_;
+  std::future<BundleSummary> summary_;  ///< last: its destructor waits for the thread
 };
 
 }  // namespace carmap

@@ -22,7 +22,8 @@ using MapProgress = std::function<void(size_t frames, size_t keyframes)>;
 /// Maps what can be tracked; frames that cannot are listed with the reason. A drive that cannot go
 /// on in its map begins a new part, which lies where the vehicle must have come to, and is joined
 /// to the rest when it is found there.
-/// Errors: FailedPrecondition when no frame could be tracked.
+/// What a stage throws ends the drive there, and is the map's `failure`.
+/// Errors: as DriveMapper::Finish.
 absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id,
                                      const MapDriveOptions& options,
                                      const MapProgress& progress = {});

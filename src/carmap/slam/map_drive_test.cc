@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <stdexcept>
 
 #include "carmap/map/strip.h"
 #include "carmap/semantics/segmenter.h"
@@ -192,6 +193,47 @@ TEST_P(BadFrames, UnreadableOnesAreLost) {
   EXPECT_EQ(mapped.lost_frames[1].reason, "frame 9 is cut short");
   EXPECT_EQ(mapped.trajectory[9].timestamp, RenderedDrive().frames[9].timestamp);
   EXPECT_EQ(mapped.map.keyframes().begin()->first.index, 1u) << "the drive begins where it can";
+}
+
+/// Throws after so many frames.
+class ThrowingSource : public MemorySource {
+ public:
+  ThrowingSource(const TestDrive& drive, size_t frames) : MemorySource(drive), left_(frames) {}
+  std::optional<StereoFrame> Next() override {
+    if (left_-- == 0) throw std::runtime_error("the disk is gone");
+    return MemorySource::Next();
+  }
+
+ private:
+  size_t left_;
+};
+
+TEST_P(BadFrames, AnExceptionLeavesTheMapBeforeIt) {
+  ThrowingSource source(RenderedDrive(), 14);
+  const MappedDrive mapped = MapWithout(source);
+  EXPECT_THAT(mapped.failure, HasSubstr("the disk is gone; "));
+  EXPECT_EQ(mapped.trajectory.size(), 14u);
+  EXPECT_EQ(mapped.tracked_frames(), 14u);
+  EXPECT_LT(ErrorOf(mapped, RenderedDrive()).worst_m, 0.15);
+
+  ThrowingSource none(RenderedDrive(), 0);
+  EXPECT_THAT(std::string(MapDrive(none, kDrive, {.sequential = GetParam()}).status().message()),
+              HasSubstr("the disk is gone; "));
+}
+
+TEST_P(BadFrames, AnExceptionOfTheMapperReachesTheCaller) {
+  MemorySource source(RenderedDrive());
+  FrameExtraction frames(source, {}, /*sequential=*/true);
+  StereoRig rig = frames.front_end().rig();
+  rig.camera.height = -1000;  // of which there is no grid of features
+  DriveMapper mapper(rig, kDrive, {.sequential = GetParam()});
+  mapper.Take(*frames.Next());
+  EXPECT_THROW(mapper.Take(*frames.Next()), std::length_error);
+  const auto mapped = mapper.Finish();
+  ASSERT_TRUE(mapped.ok()) << mapped.status();
+  EXPECT_THAT(mapped->failure, HasSubstr("internal error: "));
+  EXPECT_EQ(mapped->map.keyframes().size(), 1u);
+  EXPECT_EQ(mapped->trajectory.size(), 1u);
 }
 
 TEST(MapDrive, BeginsWhereThereAreFeaturesEnough) {
