@@ -7,9 +7,11 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/mat.hpp>
 #include <opencv2/imgcodecs.hpp>
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -61,6 +63,16 @@ void CopyTestDrive(int town, int frames, const fs::path& to) {
   }
 }
 
+/// Labels of some frames: road, and a car of 80 columns from column `car_px` on. Frame 0 has none.
+void WriteLabels(const fs::path& folder, int frames, int car_px) {
+  fs::create_directories(folder);
+  for (int frame = 1; frame < frames; ++frame) {
+    cv::Mat labels(160, 320, CV_8UC1, cv::Scalar(0));
+    labels.colRange(car_px, car_px + 80).setTo(13);
+    cv::imwrite((folder / fmt::format("{:06}.png", frame)).string(), labels);
+  }
+}
+
 class CliTest : public testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -87,6 +99,9 @@ class CliTest : public testing::Test {
     return RunProgram(folder, arguments, root_);
   }
   static Result Run(const std::vector<std::string>& arguments) { return RunIn(work(), arguments); }
+  static Result RunTo(const std::string& redirection, const std::vector<std::string>& arguments) {
+    return RunProgram(work(), arguments, root_, redirection);
+  }
 
   static std::vector<std::string> FilesInWork() {
     std::vector<std::string> names;
@@ -414,7 +429,7 @@ TEST_F(CliTest, RefusesVocabulariesThatItCannotTrainOrRead) {
   ExpectRefusedAtOnce(train({"--out", "v.cmvoc", "--depth", "9"}), "nodes");
   ExpectRefusedAtOnce(train({"--out", "v.cmvoc", "--step", "0"}), "step 0");
   ExpectRefusedAtOnce(train({"--out", "no/v.cmvoc"}), "no/v.cmvoc: cannot be written");
-  ExpectRefusedAtOnce(train({"--out", "../drive/calib.txt"}), "would be overwritten");
+  ExpectRefusedAtOnce(train({"--out", "../drive/calib.txt"}), "would change ");
   ExpectRefusedAtOnce({"vocabulary", "train", "../absent", "--out", "v.cmvoc"}, "../absent");
   ExpectRefused(train({"--out", "v.cmvoc", "--step", "100"}), "1 of at least two images");
   ExpectRefusedAtOnce({"vocabulary"}, "command is required", 2);
@@ -466,7 +481,7 @@ TEST_F(CliTest, RefusesDrivesThatItCannotCompare) {
   ExpectRefusedAtOnce({"evaluate", "realism", "../drive", "absent"}, "absent: ");
   ExpectRefusedAtOnce(
       {"evaluate", "realism", "../drive", "../drive", "--picture", "../drive/poses.txt"},
-      "would be overwritten");
+      "would change ");
   CopyTestDrive(1, 5, work() / "short");
   ExpectRefusedAtOnce({"evaluate", "realism", "short", "../drive"}, "short: has 5 frames");
   CopyTestDrive(1, 12, work() / "black");
@@ -479,16 +494,6 @@ TEST_F(CliTest, RefusesDrivesThatItCannotCompare) {
 }
 
 // Wrong usage.
-
-/// Labels of some frames: road, and a car of 80 columns from column `car_px` on. Frame 0 has none.
-void WriteLabels(const fs::path& folder, int frames, int car_px) {
-  fs::create_directories(folder);
-  for (int frame = 1; frame < frames; ++frame) {
-    cv::Mat labels(160, 320, CV_8UC1, cv::Scalar(0));
-    labels.colRange(car_px, car_px + 80).setTo(13);
-    cv::imwrite((folder / fmt::format("{:06}.png", frame)).string(), labels);
-  }
-}
 
 TEST_F(CliTest, MeasuresHowWellSegmentersTellStaticFromNonStatic) {
   CopyTestDrive(1, 4, work() / "drive");
@@ -607,7 +612,8 @@ TEST_F(CliTest, RefusesSegmentersAndLabelsThatItCannotEvaluate) {
   ExpectRefusedAtOnce({"evaluate", "segmentation", "drive"}, "--segmenter", 2);
   Write(work() / "net.json", "{}");
   ExpectRefusedAtOnce(with({"net.onnx"}), "net.json: \"input\" must be an object");
-  ExpectRefusedAtOnce(with({"net.onnx", "--report", "net.json"}), "net.json: is read by this");
+  ExpectRefusedAtOnce(with({"net.onnx", "--report", "net.json"}),
+                      "net.json: would change net.json");
   ExpectRefused(with({"labels", "--every", "5"}), "has labels");
   Write(work() / "drive/labels/000001.png", "no image");
   ExpectRefusedAtOnce(with({"labels"}), "000001.png: ");
@@ -639,17 +645,129 @@ TEST_F(CliTest, RefusesOutputsThatItCannotOrMustNotWrite) {
   ExpectRefusedAtOnce(map({"--out", "/dev/null"}), "/dev/null: is a device");
   ExpectRefusedAtOnce(map({"--out", "m.cmap", "--report", "no/r.json"}), "no/r.json");
   ExpectRefusedAtOnce(map({"--out", "m.cmap", "--picture", "no/p.png"}), "no/p.png");
-  ExpectRefusedAtOnce(map({"--out", "m.cmap", "--trajectory", "./m.cmap"}), "named twice");
-  ExpectRefusedAtOnce(map({"--out", "m.cmap", "--trajectory", "../drive/poses.txt"}),
-                      "would be overwritten");
-  ExpectRefusedAtOnce({"localize", "../drive", "--map", "../base.cmap", "--report", "../base.cmap"},
-                      "would be overwritten");
   ExpectRefusedAtOnce({"localize", "../drive", "--map", "../base.cmap", "--trajectory", "no/t.txt"},
                       "no/t.txt");
-  ExpectRefusedAtOnce({"stitch", "../base.cmap", "../segment.cmap", "--out", "../segment.cmap"},
-                      "would be overwritten");
   ExpectRefusedAtOnce({"stitch", "../base.cmap", "../segment.cmap", "--out", "no/road.cmap"},
                       "no/road.cmap");
+}
+
+TEST_F(CliTest, RefusesOutputsThatAreInputs) {
+  const fs::path drive = CopyOfDrive();
+  WriteLabels(drive / "labels", 2, 120);
+  fs::copy(root_ / "base.cmap", work() / "a.cmap");
+  fs::copy(root_ / "segment.cmap", work() / "b.cmap");
+  fs::create_hard_link(work() / "a.cmap", work() / "hard.cmap");
+  fs::create_symlink("b.cmap", work() / "link.cmap");
+  fs::create_symlink("../damaged/image_1/000003.png", work() / "link.png");
+  fs::create_hard_link(drive / "image_0/000005.png", work() / "hard.png");
+  fs::create_directory_symlink("../damaged", work() / "d");
+  fs::create_symlink("absent.cmap", work() / "to_absent.cmap");
+  Write(work() / "net.json", "{}");
+  const auto refuses = [](const std::string& command, const std::string& output,
+                          const std::string& input) {
+    std::istringstream words(command);
+    ExpectRefusedAtOnce({std::istream_iterator<std::string>(words), {}},
+                        fmt::format("{}: would change {}, ", output, input));
+  };
+  const std::string map = "map d --out m.cmap ", localize = "localize d --map a.cmap ";
+  refuses("map d --out d/image_1/3.png", "d/image_1/3.png", "d/image_1");
+  refuses(map + "--picture d/image_0/000005.png", "d/image_0/000005.png", "d/image_0");
+  refuses(map + "--picture ../damaged/image_0/000005.png", "../damaged/image_0/000005.png",
+          "d/image_0");
+  refuses(map + "--picture link.png", "link.png", "d/image_1");
+  refuses(map + "--picture hard.png", "hard.png", "d/image_0/000005.png");
+  refuses(map + "--trajectory d/poses.txt", "d/poses.txt", "d/poses.txt");
+  refuses(map + "--trajectory d/gps.txt", "d/gps.txt", "d/gps.txt");  // that is not there yet
+  refuses(map + "--vocabulary v.cmvoc --full-map v.cmvoc", "v.cmvoc", "v.cmvoc");
+  refuses(map + "--segmenter net.onnx --report net.json", "net.json", "net.json");
+  refuses(map + "--segmenter labels --picture d/labels/000001.png", "d/labels/000001.png",
+          "d/labels");
+  refuses(localize + "--report hard.cmap", "hard.cmap", "a.cmap");
+  refuses(localize + "--trajectory d/times.txt", "d/times.txt", "d/times.txt");
+  refuses(localize + "--map-truth ../drive --frame-picture ../drive/poses.txt",
+          "../drive/poses.txt", "../drive/poses.txt");
+  refuses("stitch a.cmap b.cmap --out link.cmap", "link.cmap", "b.cmap");
+  refuses("stitch a.cmap b.cmap --out n.cmap --report hard.cmap", "hard.cmap", "a.cmap");
+  refuses("evaluate frames d --map a.cmap --map-truth ../drive --report ../drive/times.txt",
+          "../drive/times.txt", "../drive/times.txt");
+  refuses("evaluate segmentation d --segmenter none --picture d/labels/000001.png",
+          "d/labels/000001.png", "d/labels");
+  refuses("evaluate landmarks d --kept k.png --removed link.png --list l.csv", "link.png",
+          "d/image_1");
+  refuses("evaluate realism d ../drive --picture hard.png", "hard.png", "d/image_0/000005.png");
+  refuses("vocabulary train d --out link.png", "link.png", "d/image_1");
+  refuses("simulate --scene suburb --out d --path d/poses.txt", "d/poses.txt", "d/poses.txt");
+
+  const auto are_one = [](const std::string& a, const std::string& b) {
+    ExpectRefusedAtOnce({"map", "d", "--out", a, "--report", b},
+                        fmt::format("{}: is the same file as {}, ", b, a));
+  };
+  are_one("m.cmap", "./m.cmap");
+  are_one("a.cmap", "hard.cmap");
+  are_one("link.cmap", "b.cmap");
+  are_one("to_absent.cmap", "absent.cmap");
+}
+
+TEST_F(CliTest, WorksWithoutAStandardError) {
+  ASSERT_EQ(Run({"map", "../drive", "--last", "7", "--out", "expected.cmap"}).exit_code, 0);
+  fs::resize_file(CopyOfDrive() / Image("image_0", 3), 100);
+  for (const char* redirection : {"2>/dev/full", "2>&-", "<&- 2>&-"}) {
+    SCOPED_TRACE(redirection);
+    const auto exit_code = [&](const std::vector<std::string>& arguments) {
+      return RunTo(redirection, arguments).exit_code;
+    };
+    EXPECT_EQ(exit_code({"map", "../drive", "--last", "7", "--out", "m.cmap"}), 0);
+    EXPECT_EQ(Read(work() / "m.cmap"), Read(work() / "expected.cmap"));
+    EXPECT_EQ(exit_code({"map", "../damaged", "--last", "7", "--out", "m.cmap"}), 3);
+    EXPECT_EQ(exit_code({"localize", "../damaged", "--map", "m.cmap", "--last", "7"}), 3);
+    EXPECT_EQ(exit_code({"stitch", "../base.cmap", "../segment.cmap", "--out", "r.cmap"}), 0);
+    EXPECT_EQ(exit_code({"info", "absent.cmap"}), 1);
+    EXPECT_EQ(exit_code({"mapp"}), 2);
+  }
+}
+
+TEST_F(CliTest, WorksOnWhenNobodyReadsItsStandardErrorAnyMore) {
+  fs::resize_file(CopyOfDrive() / Image("image_0", 3), 100);
+  RunProgram(work(), {"map", "../damaged", "--last", "7", "--out", "m.cmap"}, root_,
+             "2>&3; echo $? >code; } | true", "{ exec 3>&1");
+  EXPECT_EQ(Read(work() / "code"), "3\n");
+  EXPECT_TRUE(ReadLeanMap(work() / "m.cmap").ok());
+}
+
+TEST_F(CliTest, WritesTheMapWhateverElseCannotBeWritten) {
+  // The largest file that may be written, in blocks of 512 bytes: like a disk that is full.
+  const Result result = RunProgram(work(),
+                                   {"map", "../drive", "--out", "m.cmap", "--report", "r.json",
+                                    "--picture", "p.png", "--trajectory", "t.txt"},
+                                   root_, "", "ulimit -f 60");
+  EXPECT_EQ(result.exit_code, 3);
+  EXPECT_THAT(result.problems(),
+              testing::ElementsAre(AllOf(HasSubstr("p.png: cannot be written"), HasSubstr("; ")),
+                                   HasSubstr("not written: p.png; written: m.cmap, t.txt, r.json")))
+      << result.err;
+  EXPECT_THAT(result.out, HasSubstr("16 of 16 frames"));
+  EXPECT_THAT(FilesInWork(), testing::UnorderedElementsAre("m.cmap", "r.json", "t.txt"));
+  EXPECT_TRUE(ReadLeanMap(work() / "m.cmap").ok());
+  EXPECT_THAT(Run({"map", "--help"}).out, HasSubstr("3 map written but frames were lost"));
+
+  const Result full =
+      RunProgram(work(), {"map", "../drive", "--out", "n.cmap", "--trajectory", "n.txt"}, root_, "",
+                 "ulimit -f 8");
+  EXPECT_EQ(full.exit_code, 1);
+  EXPECT_THAT(full.err, HasSubstr("not written: n.cmap; written: n.txt"));
+  EXPECT_THAT(full.out, testing::Not(HasSubstr("n.cmap")));
+}
+
+TEST_F(CliTest, WritesThroughLinksAndObeysTheUmask) {
+  fs::create_directory(work() / "maps");
+  fs::create_symlink("maps/m.cmap", work() / "m.cmap");
+  ASSERT_EQ(RunProgram(work(), {"map", "../drive", "--last", "7", "--out", "m.cmap"}, root_, "",
+                       "umask 077")
+                .exit_code,
+            0);
+  EXPECT_TRUE(fs::is_symlink(work() / "m.cmap"));
+  EXPECT_EQ(fs::status(work() / "maps/m.cmap").permissions(), fs::perms(0600));
+  EXPECT_TRUE(ReadLeanMap(work() / "maps/m.cmap").ok());
 }
 
 TEST_F(CliTest, FailsWhenItsStandardOutputIsFull) {
@@ -820,13 +938,27 @@ TEST_F(LostFrameTest, ManyAreCountedAfterTen) {
   EXPECT_THAT(result.problems()[10], HasSubstr("2 frames lost besides"));
 }
 
-TEST_F(LostFrameTest, AMapWithoutLandmarksIsNotASuccess) {
-  const Result result = Run({"map", "../drive", "--last", "0", "--out", "m.cmap", "--report",
-                             "r.json", "--picture", "p.png"});
-  EXPECT_EQ(result.exit_code, 3);
-  EXPECT_THAT(result.problems(), testing::ElementsAre(HasSubstr("the map is empty")));
-  EXPECT_TRUE(ReadJson("r.json")["bytes_per_landmark"].is_null());
-  EXPECT_EQ(Run({"info", "m.cmap"}).exit_code, 0);
+TEST_F(LostFrameTest, AMapWithoutLandmarksReplacesNone) {
+  fs::copy(root_ / "base.cmap", work() / "m.cmap");
+  for (const char* last : {"0", "1"}) {
+    const Result result = Run({"map", "../drive", "--last", last, "--out", "m.cmap", "--full-map",
+                               "m.cfull", "--report", "r.json", "--picture", "p.png"});
+    EXPECT_EQ(result.exit_code, 1);
+    EXPECT_THAT(result.problems(),
+                testing::ElementsAre(
+                    AllOf(HasSubstr("the map is empty"), HasSubstr("; ")), HasSubstr("empty"),
+                    HasSubstr("not written: m.cmap, m.cfull; written: r.json, p.png")));
+    EXPECT_EQ(Read(work() / "m.cmap"), Read(root_ / "base.cmap"));
+    EXPECT_FALSE(fs::exists(work() / "m.cfull"));
+    EXPECT_TRUE(ReadJson("r.json")["bytes_per_landmark"].is_null());
+  }
+}
+
+TEST_F(CliTest, LocalizesByNoMapWithoutLandmarks) {
+  auto map = ReadLeanMap(root_ / "base.cmap");
+  ASSERT_TRUE(map.ok()) << map.status();
+  map->landmarks.clear();
+  ASSERT_TRUE(WriteLeanMap(work() / "m.cmap", *map).ok());
   ExpectRefusedAtOnce({"localize", "../drive", "--map", "m.cmap"}, "m.cmap: holds no landmark");
 }
 

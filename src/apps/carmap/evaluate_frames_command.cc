@@ -167,6 +167,7 @@ absl::StatusOr<ExitCode> EvaluateFrames(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   inputs.push_back(arguments.map);
   if (!arguments.trace.empty()) inputs.push_back(arguments.trace);
+  for (const std::string& file : FilesOfDrive(arguments.map_truth)) inputs.push_back(file);
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.report}, inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, OpenWithTruth(arguments.drive));
   const StereoRig feature_rig = StereoFrontEnd(drive->rig()).rig();
@@ -181,11 +182,14 @@ absl::StatusOr<ExitCode> EvaluateFrames(const Arguments& arguments) {
   } else {
     CARMAP_RETURN_IF_ERROR(FindTrace(arguments.trace, *drive, finder));
   }
-  CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, {{"frames", finder.frames().size()},
-                                                        {"map_bytes", map.bytes},
-                                                        {"frames_detail", finder.frames()}}));
+  OutputFiles files;
+  files.Write(arguments.report, [&] {
+    return WriteReport(arguments.report, {{"frames", finder.frames().size()},
+                                          {"map_bytes", map.bytes},
+                                          {"frames_detail", finder.frames()}});
+  });
   PrintSummary(finder);
-  return kSuccess;
+  return files.Finish() ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -230,7 +234,8 @@ Example:
   carmap evaluate frames busy --map empty.cmap --map-truth empty
   carmap evaluate frames busy --by appearance --map empty.cfull --map-truth empty --report R.json
 
-Exit codes: 0 measured, whatever the result, 1 error, 2 wrong usage)");
+Exit codes: 0 measured, whatever the result, 1 error, 2 wrong usage, 3 measured but the report could
+not be written)");
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return EvaluateFrames(*arguments); }; });
 }

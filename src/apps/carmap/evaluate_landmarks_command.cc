@@ -107,7 +107,9 @@ void AddToList(const char* sheet, const std::vector<Example>& examples, std::str
 
 absl::StatusOr<ExitCode> EvaluateLandmarks(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
-  for (const std::string& file : FilesOfSegmenter(arguments.segmenter)) inputs.push_back(file);
+  for (const std::string& file : FilesOfSegmenter(arguments.segmenter, arguments.drive)) {
+    inputs.push_back(file);
+  }
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.kept, arguments.removed, arguments.list}, inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive));
   MapDriveOptions options;
@@ -122,6 +124,7 @@ absl::StatusOr<ExitCode> EvaluateLandmarks(const Arguments& arguments) {
   const auto mapped = MapDrive(*drive, drive->id(), options,
                                [&](size_t frames, size_t) { progress.Update(frames); });
   if (!mapped.ok()) return WithName(arguments.drive, mapped.status());
+  const bool is_whole = CheckWhole(mapped->failure, arguments.drive);
   const bool is_filtered =
       CheckLabelling(mapped->labelling, arguments.segmenter, "what it could not label is kept");
 
@@ -133,15 +136,16 @@ absl::StatusOr<ExitCode> EvaluateLandmarks(const Arguments& arguments) {
     Crop(*frame, kFeatureCrop * camera_px_per_px, kept);
     Crop(*frame, kFeatureCrop * camera_px_per_px, removed);
   }
-  CARMAP_RETURN_IF_ERROR(WritePng(arguments.kept, SheetOf(kept)));
-  CARMAP_RETURN_IF_ERROR(WritePng(arguments.removed, SheetOf(removed)));
   std::string list = "sheet,row,column,landmark,frame,x_px,y_px\n";
   AddToList("kept", kept, list);
   AddToList("removed", removed, list);
-  CARMAP_RETURN_IF_ERROR(WriteFileAtomically(arguments.list, list));
+  OutputFiles files;
+  files.Write(arguments.kept, [&] { return WritePng(arguments.kept, SheetOf(kept)); });
+  files.Write(arguments.removed, [&] { return WritePng(arguments.removed, SheetOf(removed)); });
+  files.Write(arguments.list, [&] { return WriteFileAtomically(arguments.list, list); });
   fmt::print("drawn         {} kept, {} removed\n", Count(kept.size(), "landmark"),
              Count(removed.size(), "landmark"));
-  return is_filtered ? kSuccess : kIncomplete;
+  return files.Finish() && is_whole && is_filtered ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -176,7 +180,8 @@ Example:
   carmap evaluate landmarks kitti06_000-050 --segmenter espnetv2.json --kept kept.png \
     --removed removed.png --list list.csv
 
-Exit codes: 0 drawn, 1 error, 2 wrong usage, 3 drawn but the segmenter failed)",
+Exit codes: 0 drawn, 1 error, 2 wrong usage, 3 drawn but the segmenter failed, or not all of
+the drive was mapped, or not all files could be written)",
       kSegmenterHelp));
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return EvaluateLandmarks(*arguments); }; });

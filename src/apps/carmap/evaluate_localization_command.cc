@@ -44,9 +44,10 @@ std::string SizeText(int width_px, int height_px) {
   return fmt::format("{}x{}", width_px, height_px);
 }
 
-/// Two pictures for each size of image.
-absl::StatusOr<std::map<std::string, cv::Mat>> Draw(const std::vector<LocalizationReport>& reports,
-                                                    const std::vector<ScoredGroup>& groups) {
+/// Two pictures for each size of image, by their paths.
+std::map<std::string, cv::Mat> Draw(const std::filesystem::path& folder,
+                                    const std::vector<LocalizationReport>& reports,
+                                    const std::vector<ScoredGroup>& groups) {
   std::map<std::string, std::vector<LocalizationReport>> reports_of;
   std::map<std::string, std::vector<ScoredGroup>> groups_of;
   for (const LocalizationReport& report : reports) {
@@ -57,20 +58,23 @@ absl::StatusOr<std::map<std::string, cv::Mat>> Draw(const std::vector<Localizati
   }
   std::map<std::string, cv::Mat> pictures;
   for (const auto& [size, of_size] : reports_of) {
-    pictures[fmt::format("errors_{}.png", size)] =
+    pictures[folder / fmt::format("errors_{}.png", size)] =
         RenderErrorDistributions("Share of frames within an error, " + size, of_size);
-    pictures[fmt::format("cells_{}.png", size)] =
+    pictures[folder / fmt::format("cells_{}.png", size)] =
         RenderCellBars("Localization by conditions, " + size, groups_of[size]);
   }
   return pictures;
 }
 
-absl::Status WritePictures(const std::filesystem::path& folder,
+absl::Status WritePictures(const Arguments& arguments,
                            const std::vector<LocalizationReport>& reports,
-                           const std::vector<ScoredGroup>& groups) {
-  CARMAP_ASSIGN_OR_RETURN(const auto pictures, Draw(reports, groups));
-  for (const auto& [name, picture] : pictures) {
-    CARMAP_RETURN_IF_ERROR(WritePng(folder / name, picture));
+                           const std::vector<ScoredGroup>& groups, OutputFiles& files) {
+  const auto pictures = Draw(arguments.out, reports, groups);
+  std::vector<std::string> paths;
+  for (const auto& picture : pictures) paths.push_back(picture.first);
+  CARMAP_RETURN_IF_ERROR(CheckOutputs(paths, arguments.reports));
+  for (const auto& picture : pictures) {
+    files.Write(picture.first, [&] { return WritePng(picture.first, picture.second); });
   }
   return absl::OkStatus();
 }
@@ -82,11 +86,12 @@ absl::StatusOr<ExitCode> EvaluateLocalization(const Arguments& arguments) {
   }
   CARMAP_ASSIGN_OR_RETURN(const auto reports, ReadReports(arguments.reports));
   const std::vector<ScoredGroup> groups = ScoreGroups(reports);
+  OutputFiles files;
   if (!arguments.out.empty()) {
-    CARMAP_RETURN_IF_ERROR(WritePictures(arguments.out, reports, groups));
+    CARMAP_RETURN_IF_ERROR(WritePictures(arguments, reports, groups, files));
   }
   fmt::print("{}", arguments.json ? JsonText(ToJson(groups)) : ToMarkdown(groups));
-  return kSuccess;
+  return files.Finish() ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -124,7 +129,8 @@ In brackets are intervals of 95 %, by resampling seconds of the drives.
 Example:
   carmap evaluate localization build/evaluate_localization/reports/*.json --out build
 
-Exit codes: 0 evaluated, whatever the result, 1 error, 2 wrong usage)",
+Exit codes: 0 evaluated, whatever the result, 1 error, 2 wrong usage, 3 evaluated but not all
+pictures could be written)",
       kMaxDeadReckonedM, kMaxPositionErrorM, kMaxRotationErrorDeg));
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return EvaluateLocalization(*arguments); }; });

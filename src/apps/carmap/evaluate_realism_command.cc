@@ -87,11 +87,11 @@ absl::StatusOr<ExitCode> EvaluateRealism(const Arguments& arguments) {
                           MeasureDrive(arguments.simulated, arguments.frames));
   CARMAP_ASSIGN_OR_RETURN(DriveMeasures real, MeasureDrive(arguments.real, arguments.frames));
   const RealismComparison comparison = CompareRealism(std::move(simulated), std::move(real));
-  if (!arguments.picture.empty()) {
-    CARMAP_RETURN_IF_ERROR(WritePng(arguments.picture, Draw(comparison, arguments)));
-  }
+  OutputFiles files;
+  files.Write(arguments.picture,
+              [&] { return WritePng(arguments.picture, Draw(comparison, arguments)); });
   fmt::print("{}", arguments.json ? JsonText(ToJson(comparison)) : ToText(comparison));
-  return kSuccess;
+  return files.Finish() ? kSuccess : kIncomplete;
 }
 
 constexpr const char* kFooter =
@@ -126,7 +126,8 @@ simulated drive are scaled to the area of the real one, and its disparities to t
 Example:
   carmap evaluate realism simulated_suburb kitti06_000-050 --picture realism.png
 
-Exit codes: 0 measured, whatever the result, 1 error, 2 wrong usage)";
+Exit codes: 0 measured, whatever the result, 1 error, 2 wrong usage, 3 measured but the picture could
+not be written)";
 
 }  // namespace
 

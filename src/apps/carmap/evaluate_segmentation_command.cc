@@ -195,14 +195,20 @@ absl::Status EvaluateLandmarks(const Arguments& arguments, Evaluation& evaluatio
   const auto mapped =
       MapDrive(*drive, drive->id(), {}, [&](size_t frames, size_t) { progress.Update(frames); });
   if (!mapped.ok()) return WithName(arguments.drive, mapped.status());
+  if (!mapped->failure.empty()) {
+    return WithName(arguments.drive, absl::InternalError(mapped->failure));
+  }
   evaluation.TakeLandmarks(mapped->map);
   return absl::OkStatus();
 }
 
 absl::StatusOr<ExitCode> EvaluateSegmentation(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
+  inputs.push_back((std::filesystem::path(arguments.drive) / "labels").string());
   for (const std::string& segmenter : arguments.segmenters) {
-    for (const std::string& file : FilesOfSegmenter(segmenter)) inputs.push_back(file);
+    for (const std::string& file : FilesOfSegmenter(segmenter, arguments.drive)) {
+      inputs.push_back(file);
+    }
   }
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.report, arguments.picture}, inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive));
@@ -214,14 +220,15 @@ absl::StatusOr<ExitCode> EvaluateSegmentation(const Arguments& arguments) {
                     arguments.drive));
   }
   if (arguments.landmarks) CARMAP_RETURN_IF_ERROR(EvaluateLandmarks(arguments, evaluation));
-  CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, evaluation.Json()));
-  if (!arguments.picture.empty()) {
+  OutputFiles files;
+  files.Write(arguments.report, [&] { return WriteReport(arguments.report, evaluation.Json()); });
+  files.Write(arguments.picture, [&] {
     SegmentationPicture picture = evaluation.picture();
     picture.title = NameOf(arguments.drive) + ", " + picture.title;
-    CARMAP_RETURN_IF_ERROR(WritePng(arguments.picture, RenderSegmentationPicture(picture)));
-  }
+    return WritePng(arguments.picture, RenderSegmentationPicture(picture));
+  });
   fmt::print("{}of {} with labels\n", evaluation.Text(), Count(evaluation.frames(), "frame"));
-  return kSuccess;
+  return files.Finish() ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -268,7 +275,8 @@ Example:
   carmap simulate --out busy --scene suburb --traffic moving --labels
   carmap evaluate segmentation busy --segmenter a.onnx --segmenter b.json --picture busy.png
 
-Exit codes: 0 measured, whatever the result, 1 error, 2 wrong usage)",
+Exit codes: 0 measured, whatever the result, 1 error, 2 wrong usage, 3 measured but not all files
+could be written)",
       kSegmenterHelp));
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return EvaluateSegmentation(*arguments); }; });

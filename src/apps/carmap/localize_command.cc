@@ -16,6 +16,7 @@
 #include "apps/carmap/outputs.h"
 #include "apps/carmap/reports.h"
 #include "apps/carmap/segmenter_option.h"
+#include "carmap/base/exceptions.h"
 #include "carmap/base/file.h"
 #include "carmap/base/progress.h"
 #include "carmap/base/status_macros.h"
@@ -100,6 +101,7 @@ struct LocalizedDrive {
   double longest_dead_reckoning_m = 0;
   FramePicture best_frame;                    ///< the one with most landmarks
   std::optional<LabellingSummary> labelling;  ///< of the vehicle's own keyframes
+  std::string failure;  ///< why it ends before the drive: an exception, in one line
 
   size_t localized() const { return by_map + by_dead_reckoning; }
 };
@@ -180,10 +182,13 @@ LocalizedDrive LocalizeDrive(KittiDrive& drive, const LoadedMap& loaded,
   FrameExtraction frames(drive, {}, /*sequential=*/false);
   DriveLocalizer localizer(loaded, frames.front_end(), std::move(segmenter));
   Progress progress("localizing", drive.size());
-  for (size_t taken = 1; const auto frame = frames.Next(); ++taken) {
-    localizer.Take(*frame);
-    progress.Update(taken, fmt::format("{} localized", localizer.drive().localized()));
-  }
+  const absl::Status driven = CatchExceptions([&] {
+    for (size_t taken = 1; const auto frame = frames.Next(); ++taken) {
+      localizer.Take(*frame);
+      progress.Update(taken, fmt::format("{} localized", localizer.drive().localized()));
+    }
+  });
+  localizer.drive().failure = std::string(driven.message());
   localizer.drive().labelling = localizer.labelling();
   return std::move(localizer.drive());
 }
@@ -254,6 +259,7 @@ nlohmann::ordered_json ToJson(const LoadedMap& loaded, const LocalizedDrive& loc
   report["peak_rss_mb"] = PeakMemoryMb();
   report["unusable_frames"] = ToJson(localized.unusable_frames);
   report["lost_frames"] = ToJson(localized.lost_frames);
+  if (!localized.failure.empty()) report["failure"] = localized.failure;
   return report;
 }
 
@@ -262,6 +268,25 @@ void AddErrors(const MapAlignment& alignment, const LocalizationError& error,
   report["position_error_m"] = ToJson(error.position_m);
   report["rotation_error_deg"] = ToJson(error.rotation_deg);
   report["map_alignment"] = {{"keyframes", alignment.keyframes}, {"rmse_m", alignment.rmse_m}};
+}
+
+/// Nothing where the truth is not known.
+std::optional<LocalizationError> ErrorOf(const LocalizedDrive& localized,
+                                         const std::optional<EvaluatedMap>& evaluated,
+                                         const Trajectory& truth) {
+  if (!evaluated) return std::nullopt;
+  return EvaluateLocalization(localized.trajectory, truth, evaluated->alignment.world_from_map);
+}
+
+nlohmann::ordered_json ReportOf(const LoadedMap& loaded, const LocalizedDrive& localized,
+                                const std::optional<EvaluatedMap>& evaluated,
+                                const Trajectory& truth) {
+  nlohmann::ordered_json report = ToJson(loaded, localized);
+  if (const auto error = ErrorOf(localized, evaluated, truth)) {
+    AddErrors(evaluated->alignment, *error, report);
+  }
+  report["frames_detail"] = DetailsOf(localized, truth, evaluated);
+  return report;
 }
 
 absl::Status WriteMapFromAbove(const LoadedMap& loaded, const LocalizedDrive& localized,
@@ -292,21 +317,18 @@ cv::Mat DrawErrors(const LocalizedDrive& localized, const MapAlignment& alignmen
       {position, rotation});
 }
 
-absl::Status WritePictures(const LoadedMap& loaded, const LocalizedDrive& localized,
-                           const std::optional<EvaluatedMap>& evaluated, const Trajectory& truth,
-                           const Arguments& arguments) {
-  if (!arguments.picture.empty()) {
-    CARMAP_RETURN_IF_ERROR(WriteMapFromAbove(loaded, localized, evaluated, truth, arguments));
-  }
-  if (!arguments.frame_picture.empty()) {
-    CARMAP_RETURN_IF_ERROR(
-        WritePng(arguments.frame_picture, RenderFramePicture(localized.best_frame)));
-  }
-  if (!arguments.error_picture.empty()) {
-    CARMAP_RETURN_IF_ERROR(WritePng(arguments.error_picture,
-                                    DrawErrors(localized, evaluated->alignment, truth, arguments)));
-  }
-  return absl::OkStatus();
+void WritePictures(const LoadedMap& loaded, const LocalizedDrive& localized,
+                   const std::optional<EvaluatedMap>& evaluated, const Trajectory& truth,
+                   const Arguments& arguments, OutputFiles& files) {
+  files.Write(arguments.picture,
+              [&] { return WriteMapFromAbove(loaded, localized, evaluated, truth, arguments); });
+  files.Write(arguments.frame_picture, [&] {
+    return WritePng(arguments.frame_picture, RenderFramePicture(localized.best_frame));
+  });
+  files.Write(arguments.error_picture, [&] {
+    return WritePng(arguments.error_picture,
+                    DrawErrors(localized, evaluated->alignment, truth, arguments));
+  });
 }
 
 void PrintSummary(const LoadedMap& loaded, const LocalizedDrive& localized,
@@ -346,13 +368,40 @@ void PrintNotFound(const LocalizedDrive& localized) {
              Count(localized.lost_frames.size(), "frame"), fmt::join(words, ", "));
 }
 
-absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
+absl::Status NoFrameFound(const LocalizedDrive& localized, const Arguments& arguments) {
+  return absl::NotFoundError(fmt::format(
+      "{}: no frame of {} was found in {} (the first: {}); take a map of the road that it drives",
+      arguments.drive, localized.trajectory.size(), arguments.map,
+      localized.failure.empty() ? localized.lost_frames.front().reason : localized.failure));
+}
+
+absl::Status CheckFiles(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   inputs.push_back(arguments.map);
-  for (const std::string& file : FilesOfSegmenter(arguments.segmenter)) inputs.push_back(file);
-  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.trajectory, arguments.report, arguments.picture,
-                                       arguments.frame_picture, arguments.error_picture},
-                                      inputs));
+  if (!arguments.map_truth.empty()) {
+    for (const std::string& file : FilesOfDrive(arguments.map_truth)) inputs.push_back(file);
+  }
+  for (const std::string& file : FilesOfSegmenter(arguments.segmenter, arguments.drive)) {
+    inputs.push_back(file);
+  }
+  return CheckOutputs({arguments.trajectory, arguments.report, arguments.picture,
+                       arguments.frame_picture, arguments.error_picture},
+                      inputs);
+}
+
+/// Whether nothing of what was asked for is missing; says on standard error what is.
+bool CheckComplete(const LocalizedDrive& localized, const Arguments& arguments,
+                   const OutputFiles& files) {
+  PrintLostFrames(arguments.drive, localized.unusable_frames);
+  const bool is_whole = CheckWhole(localized.failure, arguments.drive);
+  const bool is_filtered = CheckLabelling(localized.labelling, arguments.segmenter,
+                                          "the vehicle may have tracked itself by traffic");
+  const bool is_written = files.Finish();
+  return is_whole && is_filtered && is_written && localized.unusable_frames.empty();
+}
+
+absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
+  CARMAP_RETURN_IF_ERROR(CheckFiles(arguments));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive, arguments.range));
   CARMAP_ASSIGN_OR_RETURN(const LoadedMap loaded, LoadMap(arguments.map, drive->rig()));
   CARMAP_ASSIGN_OR_RETURN(const std::optional<EvaluatedMap> evaluated,
@@ -362,33 +411,17 @@ absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
   CARMAP_ASSIGN_OR_RETURN(auto segmenter, MakeSegmenter(arguments.segmenter, arguments.drive,
                                                         {camera.width, camera.height}));
   const LocalizedDrive localized = LocalizeDrive(*drive, loaded, std::move(segmenter));
-  std::optional<LocalizationError> error;
-  if (evaluated) {
-    error = EvaluateLocalization(localized.trajectory, drive->truth(),
-                                 evaluated->alignment.world_from_map);
-  }
-  if (!arguments.report.empty()) {
-    nlohmann::ordered_json report = ToJson(loaded, localized);
-    if (error) AddErrors(evaluated->alignment, *error, report);
-    report["frames_detail"] = DetailsOf(localized, drive->truth(), evaluated);
-    CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, report));
-  }
-  if (localized.localized() == 0) {
-    return absl::NotFoundError(fmt::format(
-        "{}: no frame of {} was found in {} (the first: {}); take a map of the road that it drives",
-        arguments.drive, localized.trajectory.size(), arguments.map,
-        localized.lost_frames.front().reason));
-  }
-  if (!arguments.trajectory.empty()) {
-    CARMAP_RETURN_IF_ERROR(WriteTrajectory(arguments.trajectory, localized.trajectory));
-  }
-  CARMAP_RETURN_IF_ERROR(WritePictures(loaded, localized, evaluated, drive->truth(), arguments));
-  PrintSummary(loaded, localized, error);
-  PrintLostFrames(arguments.drive, localized.unusable_frames);
+  OutputFiles files;
+  files.Write(arguments.report, [&] {
+    return WriteReport(arguments.report, ReportOf(loaded, localized, evaluated, drive->truth()));
+  });
+  if (localized.localized() == 0) return NoFrameFound(localized, arguments);
+  files.Write(arguments.trajectory,
+              [&] { return WriteTrajectory(arguments.trajectory, localized.trajectory); });
+  WritePictures(loaded, localized, evaluated, drive->truth(), arguments, files);
+  PrintSummary(loaded, localized, ErrorOf(localized, evaluated, drive->truth()));
   PrintNotFound(localized);
-  const bool is_filtered = CheckLabelling(localized.labelling, arguments.segmenter,
-                                          "the vehicle may have tracked itself by traffic");
-  return is_filtered && localized.unusable_frames.empty() ? kSuccess : kIncomplete;
+  return CheckComplete(localized, arguments, files) ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -452,14 +485,15 @@ scale and drift), and squared_mahalanobis: of the latter position error, 3 degre
 
 Frames that are not found in the map are counted and do not change the exit code as long as one is
 found; the report is written even if none is. Frames whose images cannot be used (unreadable, black,
-frozen) are listed, and do.
+frozen) are listed, and do. A file that cannot be written costs no other; lines say which were
+written and which not.
 
 Examples:
   carmap localize kitti06_000-050 --map road.cmap --trajectory localized.txt
   carmap localize kitti06_000-050 --map road.cmap --map-truth kitti06_000-050 --report r.json
 
-Exit codes: 0 done, 1 error or no frame found, 2 wrong usage, 3 done but without unusable images, or
-the segmenter failed)",
+Exit codes: 0 done, 1 error or no frame found, 2 wrong usage, 3 done but without unusable images,
+the segmenter failed, or a file could not be written)",
       kSegmenterHelp));
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return RunLocalize(*arguments); }; });

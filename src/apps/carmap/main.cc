@@ -1,9 +1,11 @@
 // The program `carmap`: reads the command line and runs one subcommand.
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdio>
-#include <exception>
 #include <memory>
 #include <opencv2/core/utility.hpp>
 #include <string>
@@ -11,6 +13,7 @@
 #include "apps/carmap/commands.h"
 #include "apps/carmap/help_format.h"
 #include "apps/carmap/outputs.h"
+#include "carmap/base/exceptions.h"
 
 namespace carmap {
 namespace {
@@ -34,7 +37,8 @@ Exit codes:
   0  done
   1  an error; one line on standard error names file, cause and remedy
   2  wrong usage
-  3  done, but not with all of the input: lines on standard error say what was left out)";
+  3  done, but not with all of the input, or some file could not be written: lines on standard
+     error say what was left out)";
 
 /// Cause and remedy in one line.
 std::string ExplainUsage(const CLI::App& app, const CLI::ParseError& error,
@@ -47,6 +51,29 @@ std::string ExplainUsage(const CLI::App& app, const CLI::ParseError& error,
     return fmt::format("{}; see `carmap --help`", error.what());
   }
   return fmt::format("there is no command '{}'; see `carmap --help`", first_argument);
+}
+
+/// Streams that are closed or that nobody reads any more cost no work: writing to them is an error,
+/// not a signal, and no file that is opened takes their place.
+void SecureStandardStreams() {
+  for (const int signal : {SIGPIPE, SIGXFSZ}) std::signal(signal, SIG_IGN);
+  int descriptor = 0;
+  while (descriptor >= 0 && descriptor <= STDERR_FILENO) {
+    descriptor = ::open("/dev/null", O_RDONLY);  // the lowest that is free
+  }
+  if (descriptor > STDERR_FILENO) ::close(descriptor);
+}
+
+/// Does what was asked for. Errors: those of the command; what was printed was not written.
+absl::StatusOr<ExitCode> RunChosen(const Command& chosen) {
+  absl::StatusOr<ExitCode> exit_code = kError;
+  const absl::Status thrown = CatchExceptions([&] { exit_code = chosen(); });
+  if (!exit_code.ok()) return exit_code;
+  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {  // printing throws then
+    return absl::UnavailableError("standard output: cannot be written; is its disk full?");
+  }
+  if (!thrown.ok()) return thrown;
+  return exit_code;
 }
 
 int Run(int argc, char** argv) {
@@ -74,28 +101,19 @@ int Run(int argc, char** argv) {
   }
 
   cv::setNumThreads(1);  // what runs in parallel runs on oneTBB
-  const auto exit_code = chosen();
-  if (!exit_code.ok()) {
-    PrintProblem(std::string(exit_code.status().message()));
-    return kError;
-  }
-  if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
-    PrintProblem("standard output: cannot be written; is its disk full?");
-    return kError;
-  }
-  return *exit_code;
+  const auto exit_code = RunChosen(chosen);
+  if (exit_code.ok()) return *exit_code;
+  PrintProblem(std::string(exit_code.status().message()));
+  return kError;
 }
 
 }  // namespace
 }  // namespace carmap
 
 int main(int argc, char** argv) {
-  try {
-    return carmap::Run(argc, argv);
-  } catch (const std::bad_alloc&) {
-    carmap::PrintProblem("out of memory; free some, or work on a shorter drive or a smaller map");
-  } catch (const std::exception& error) {
-    carmap::PrintProblem(fmt::format("internal error: {}; please report it", error.what()));
-  }
-  return carmap::kError;
+  carmap::SecureStandardStreams();
+  int exit_code = carmap::kError;
+  const absl::Status thrown = carmap::CatchExceptions([&] { exit_code = carmap::Run(argc, argv); });
+  if (!thrown.ok()) carmap::PrintProblem(std::string(thrown.message()));
+  return exit_code;
 }

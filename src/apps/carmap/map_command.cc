@@ -48,6 +48,7 @@ struct Arguments {
 struct Run {
   MappedDrive mapped;
   StrippedMap stripped;
+  bool has_map = false;  ///< that it is written
   size_t lean_bytes = 0;
   double path_length_m = 0;
   double wall_s = 0, peak_rss_mb = 0;
@@ -81,12 +82,9 @@ absl::StatusOr<MappedDrive> MapWithProgress(FrameSource& drive, DriveId id,
 }
 
 /// Where the drive says where on the Earth its truth is, and its fixes told where the map is.
-absl::StatusOr<std::optional<Summary>> GeoreferencedError(const MappedDrive& mapped,
-                                                          const Trajectory& truth,
-                                                          const std::string& drive) {
-  if (!mapped.georeference || truth.empty()) return std::nullopt;
-  CARMAP_ASSIGN_OR_RETURN(const std::optional<GpsFix> truth_origin, ReadWorldOrigin(drive));
-  if (!truth_origin) return std::nullopt;
+std::optional<Summary> GeoreferencedError(const MappedDrive& mapped, const Trajectory& truth,
+                                          const std::optional<GpsFix>& truth_origin) {
+  if (!mapped.georeference || truth.empty() || !truth_origin) return std::nullopt;
   const auto& [origin, enu_from_map] = *mapped.georeference;
   const auto errors_m =
       GeoreferencedErrorsM(mapped.trajectory, enu_from_map, origin, truth, *truth_origin);
@@ -106,17 +104,40 @@ absl::Status MapFrames(KittiDrive& drive, const Arguments& arguments, Run& run) 
   return absl::OkStatus();
 }
 
+/// A map that nobody can be localized by replaces none that was made before.
+absl::Status CheckHoldsLandmarks(const LeanMap& map, const std::string& drive) {
+  if (!map.landmarks.empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(fmt::format(
+      "{}: the map is empty: no landmark was seen by {} keyframes; map more of the drive", drive,
+      StripOptions().min_observations));
+}
+
+absl::Status WriteMap(const Arguments& arguments, Run& run) {
+  const auto bytes = EncodeLeanMap(run.stripped.lean);
+  if (!bytes.ok()) return WithName(arguments.out, bytes.status());
+  run.lean_bytes = bytes->size();
+  CARMAP_RETURN_IF_ERROR(CheckHoldsLandmarks(run.stripped.lean, arguments.drive));
+  return WriteFileAtomically(arguments.out, *bytes);
+}
+
+absl::Status WriteFullMap(const Run& run, DriveId id, const Arguments& arguments) {
+  CARMAP_RETURN_IF_ERROR(CheckHoldsLandmarks(run.stripped.lean, arguments.drive));
+  return WriteFileAtomically(arguments.full_map,
+                             EncodeFullMap(FullMapOf(run.mapped.map, {id, run.mapped.rig})));
+}
+
 /// Maps the drive and writes the map: what the reported time and memory are of.
 absl::StatusOr<Run> MapAndWrite(KittiDrive& drive, const Arguments& arguments,
-                                const Stopwatch& watch) {
+                                const Stopwatch& watch, OutputFiles& files) {
   Run run;
+  std::optional<GpsFix> truth_origin;
+  if (!drive.truth().empty()) {
+    CARMAP_ASSIGN_OR_RETURN(truth_origin, ReadWorldOrigin(arguments.drive));
+  }
   CARMAP_RETURN_IF_ERROR(MapFrames(drive, arguments, run));
   run.stripped = Strip(run.mapped.map, {drive.id(), run.mapped.rig});
   if (run.mapped.georeference) ReplaceFixes(*run.mapped.georeference, run.stripped.lean);
-  const auto bytes = EncodeLeanMap(run.stripped.lean);
-  if (!bytes.ok()) return WithName(arguments.out, bytes.status());
-  CARMAP_RETURN_IF_ERROR(WriteFileAtomically(arguments.out, *bytes));
-  run.lean_bytes = bytes->size();
+  run.has_map = files.Write(arguments.out, [&] { return WriteMap(arguments, run); });
   run.wall_s = watch.ElapsedMs() * 1e-3;
   run.peak_rss_mb = PeakMemoryMb();
   run.path_length_m = PathLengthM(run.mapped.trajectory);
@@ -125,8 +146,7 @@ absl::StatusOr<Run> MapAndWrite(KittiDrive& drive, const Arguments& arguments,
   if (auto evaluation = EvaluateTrajectory(run.mapped.trajectory, drive.truth()); evaluation.ok()) {
     run.evaluation = *std::move(evaluation);
   }
-  CARMAP_ASSIGN_OR_RETURN(run.georeferenced_error_m,
-                          GeoreferencedError(run.mapped, drive.truth(), arguments.drive));
+  run.georeferenced_error_m = GeoreferencedError(run.mapped, drive.truth(), truth_origin);
   return run;
 }
 
@@ -185,7 +205,7 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const Arguments& ar
   const Eigen::Vector3d& bias = run.mapped.rig.disparity_bias.coefficients_px;
   nlohmann::ordered_json report;
   report["frames"] = frames;
-  report["tracked_frames"] = frames - run.mapped.lost_frames.size();
+  report["tracked_frames"] = run.mapped.tracked_frames();
   report["keyframes"] = lean.keyframes.size();
   report["landmarks"] = lean.landmarks.size();
   report["observations"] = ObservationCount(lean);
@@ -207,6 +227,7 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const Arguments& ar
                                  {"lean", composition.lean}};
   report["disparity_bias_px"] = {bias.x(), bias.y(), bias.z()};
   report["lost_frames"] = ToJson(run.mapped.lost_frames);
+  if (!run.mapped.failure.empty()) report["failure"] = run.mapped.failure;
   for (const MapPart& part : run.mapped.parts) {
     report["parts"].push_back({{"first_index", part.first_index}, {"keyframes", part.keyframes}});
   }
@@ -246,16 +267,17 @@ absl::Status WritePicture(const Run& run, const Trajectory& truth, const Argumen
 void PrintSummary(const Run& run, size_t frames, const Arguments& arguments) {
   const LeanMap& lean = run.stripped.lean;
   const double bytes = static_cast<double>(run.lean_bytes);
-  fmt::print("mapped        {} of {}, {:.1f} m, in {:.1f} s\n",
-             frames - run.mapped.lost_frames.size(), Count(frames, "frame"), run.path_length_m,
-             run.wall_s);
+  fmt::print("mapped        {} of {}, {:.1f} m, in {:.1f} s\n", run.mapped.tracked_frames(),
+             Count(frames, "frame"), run.path_length_m, run.wall_s);
   fmt::print("frame         {} ms\n", ToText(Summarize(run.mapped.frame_ms), 1));
   if (arguments.replay_hz) {
     fmt::print("replay        at {} Hz, {} dropped\n", *arguments.replay_hz,
                Count(run.dropped_frames, "frame"));
   }
-  fmt::print("map           {}, {}, {}, {}\n", arguments.out, BytesText(bytes),
-             Count(lean.keyframes.size(), "keyframe"), Count(lean.landmarks.size(), "landmark"));
+  if (run.has_map) {
+    fmt::print("map           {}, {}, {}, {}\n", arguments.out, BytesText(bytes),
+               Count(lean.keyframes.size(), "keyframe"), Count(lean.landmarks.size(), "landmark"));
+  }
   if (const auto& labelling = run.mapped.labelling) {
     fmt::print("segmented     {} of {}, {} of {} non-static\n", labelling->labelled,
                Count(labelling->keyframes, "keyframe"), NonStaticCount(run.mapped.map),
@@ -283,48 +305,49 @@ void PrintSummary(const Run& run, size_t frames, const Arguments& arguments) {
   }
 }
 
+absl::Status WriteReportOf(const Run& run, size_t frames, const Arguments& arguments) {
+  CARMAP_ASSIGN_OR_RETURN(const CompositionBytes composition,
+                          MeasureComposition(run.mapped.map, run.stripped));
+  return WriteReport(arguments.report, ToJson(run, frames, arguments, composition));
+}
+
+/// What was asked for besides the map.
+void WriteOthers(const Run& run, const KittiDrive& drive, const Arguments& arguments,
+                 OutputFiles& files) {
+  files.Write(arguments.full_map, [&] { return WriteFullMap(run, drive.id(), arguments); });
+  files.Write(arguments.trajectory,
+              [&] { return WriteTrajectory(arguments.trajectory, run.mapped.trajectory); });
+  files.Write(arguments.report, [&] { return WriteReportOf(run, drive.size(), arguments); });
+  files.Write(arguments.picture, [&] { return WritePicture(run, drive.truth(), arguments); });
+}
+
+/// Whether nothing of what was asked for is missing; says on standard error what is.
+bool CheckComplete(const Run& run, const Arguments& arguments, const OutputFiles& files) {
+  PrintLostFrames(arguments.drive, run.mapped.lost_frames);
+  const bool is_whole = CheckWhole(run.mapped.failure, arguments.drive);
+  const bool is_filtered = CheckLabelling(run.mapped.labelling, arguments.segmenter,
+                                          "the map may hold what was parked or moved");
+  const bool is_written = files.Finish();
+  return is_whole && is_filtered && is_written && run.mapped.lost_frames.empty();
+}
+
 absl::StatusOr<ExitCode> RunMap(const Arguments& arguments) {
   const Stopwatch watch;
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   if (!arguments.vocabulary.empty()) inputs.push_back(arguments.vocabulary);
-  for (const std::string& file : FilesOfSegmenter(arguments.segmenter)) inputs.push_back(file);
+  for (const std::string& file : FilesOfSegmenter(arguments.segmenter, arguments.drive)) {
+    inputs.push_back(file);
+  }
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out, arguments.full_map, arguments.trajectory,
                                        arguments.report, arguments.picture},
                                       inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive, arguments.range));
-  CARMAP_ASSIGN_OR_RETURN(const Run run, MapAndWrite(*drive, arguments, watch));
-  const size_t frames = drive->size();
-
-  if (!arguments.full_map.empty()) {
-    CARMAP_RETURN_IF_ERROR(WriteFileAtomically(
-        arguments.full_map,
-        EncodeFullMap(FullMapOf(run.mapped.map, {drive->id(), run.mapped.rig}))));
-  }
-  if (!arguments.trajectory.empty()) {
-    CARMAP_RETURN_IF_ERROR(WriteTrajectory(arguments.trajectory, run.mapped.trajectory));
-  }
-  if (!arguments.report.empty()) {
-    CARMAP_ASSIGN_OR_RETURN(const CompositionBytes composition,
-                            MeasureComposition(run.mapped.map, run.stripped));
-    CARMAP_RETURN_IF_ERROR(
-        WriteReport(arguments.report, ToJson(run, frames, arguments, composition)));
-  }
-  if (!arguments.picture.empty()) {
-    CARMAP_RETURN_IF_ERROR(WritePicture(run, drive->truth(), arguments));
-  }
-
-  PrintSummary(run, frames, arguments);
-  PrintLostFrames(arguments.drive, run.mapped.lost_frames);
-  if (run.stripped.lean.landmarks.empty()) {
-    PrintProblem(
-        fmt::format("{}: the map is empty: no landmark was seen by {} keyframes; map a "
-                    "longer part of the drive",
-                    arguments.drive, StripOptions().min_observations));
-    return kIncomplete;
-  }
-  const bool is_filtered = CheckLabelling(run.mapped.labelling, arguments.segmenter,
-                                          "the map may hold what was parked or moved");
-  return is_filtered && run.mapped.lost_frames.empty() ? kSuccess : kIncomplete;
+  OutputFiles files;
+  CARMAP_ASSIGN_OR_RETURN(const Run run, MapAndWrite(*drive, arguments, watch, files));
+  WriteOthers(run, *drive, arguments, files);
+  PrintSummary(run, drive->size(), arguments);
+  const bool is_complete = CheckComplete(run, arguments, files);
+  return !run.has_map ? kError : is_complete ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -393,7 +416,9 @@ of each stage (reading, tracking and mapping overlap unless --sequential); wall_
 with its index and the features of its keyframes.
 
 A frame that cannot be read or tracked is left out: a line says which and why, the map holds the
-rest, and the exit code is 3. Where the vehicle was blind for long and what it saw after is not in
+rest, and the exit code is 3. The map is written first; a file besides it that cannot be written
+costs no other, and lines say which were written and which not. A map without a landmark is not
+written, and replaces none. Where the vehicle was blind for long and what it saw after is not in
 the map, a new part of the map begins, put where its speed led to; the report lists the parts.
 
 With a segmenter the map holds only what stays (the paper's dynamic object filter): each keyframe
@@ -412,8 +437,9 @@ Examples:
   carmap map kitti06_000-050 --out road.cmap
   carmap map kitti06_000-050 --first 18 --last 50 --out part.cmap --report part.json
 
-Exit codes: 0 done, 1 error (no map is written), 2 wrong usage, 3 map written but frames were lost
-or the segmenter failed)",
+Exit codes: 0 done, 1 error (no map is written, unless only standard output cannot be), 2 wrong
+usage, 3 map written but frames were lost, the segmenter failed, or another file could not be
+written)",
       kSegmenterHelp));
   command->callback([arguments, &chosen] { chosen = [arguments] { return RunMap(*arguments); }; });
 }

@@ -21,11 +21,13 @@ std::vector<std::string> Result::problems() const {
 }
 
 Result RunProgram(const std::filesystem::path& folder, const std::vector<std::string>& arguments,
-                  const std::filesystem::path& scratch) {
-  std::string command = fmt::format("cd '{}' && '{}'", folder.string(), CARMAP_PROGRAM);
+                  const std::filesystem::path& scratch, const std::string& redirection,
+                  const std::string& preparation) {
+  std::string command =
+      fmt::format("cd '{}' &&\n{}\n'{}'", folder.string(), preparation, CARMAP_PROGRAM);
   for (const std::string& argument : arguments) command += " '" + argument + "'";
   const std::filesystem::path out = scratch / "stdout", err = scratch / "stderr";
-  command += fmt::format(" >'{}' 2>'{}'", out.string(), err.string());
+  command += fmt::format(" >'{}' 2>'{}' {}", out.string(), err.string(), redirection);
   const int status = std::system(command.c_str());
   return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, Read(out), Read(err)};
 }

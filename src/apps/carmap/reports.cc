@@ -63,6 +63,12 @@ void PrintLostFrames(const std::string& drive, const std::vector<LostFrame>& los
   }
 }
 
+bool CheckWhole(const std::string& failure, const std::string& drive) {
+  if (failure.empty()) return true;
+  PrintProblem(fmt::format("{}: cut short: {}", drive, failure));
+  return false;
+}
+
 bool CheckLabelling(const std::optional<LabellingSummary>& labelling, const std::string& segmenter,
                     const std::string& consequence) {
   if (!labelling) return true;

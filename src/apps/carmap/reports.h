@@ -35,6 +35,9 @@ nlohmann::ordered_json ToJson(const std::vector<LostFrame>& lost_frames);
 /// A line for each of the first ten on standard error, then how many more there are.
 void PrintLostFrames(const std::string& drive, const std::vector<LostFrame>& lost_frames);
 
+/// Whether the whole drive was taken: `failure` is empty, or else said on standard error.
+bool CheckWhole(const std::string& failure, const std::string& drive);
+
 /// Whether keyframes were labelled as was asked for; if not, says on standard error what follows
 /// from it and why.
 bool CheckLabelling(const std::optional<LabellingSummary>& labelling, const std::string& segmenter,

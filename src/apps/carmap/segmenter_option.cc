@@ -2,6 +2,8 @@
 
 #include <filesystem>
 
+#include "carmap/semantics/network_description.h"
+
 namespace carmap {
 
 const char* const kSegmenterHelp =
@@ -23,10 +25,17 @@ void AddSegmenterOption(CLI::App& command, std::string& segmenter) {
       ->type_name("none|default|labels|NET.onnx");
 }
 
-std::vector<std::string> FilesOfSegmenter(const std::string& segmenter) {
+std::vector<std::string> FilesOfSegmenter(const std::string& segmenter, const std::string& drive) {
+  if (segmenter == "none" || segmenter == "default") return {};
+  if (segmenter == "labels") return {(std::filesystem::path(drive) / "labels").string()};
   const std::filesystem::path path = segmenter;
-  if (path.extension() != ".onnx" && path.extension() != ".json") return {};
-  return {segmenter, std::filesystem::path(path).replace_extension(".json").string()};
+  if (path.extension() != ".onnx" && path.extension() != ".json") return {segmenter};
+  std::vector<std::string> files = {
+      segmenter, std::filesystem::path(path).replace_extension(".json").string()};
+  if (const auto description = ReadNetworkDescription(path); description.ok()) {
+    files.push_back(description->network.string());
+  }
+  return files;
 }
 
 }  // namespace carmap

@@ -13,7 +13,7 @@ extern const char* const kSegmenterHelp;
 /// Adds `--segmenter`, "none" unless the user gives another; MakeSegmenter understands the value.
 void AddSegmenterOption(CLI::App& command, std::string& segmenter);
 
-/// The files that a segmenter is read from, for CheckOutputs.
-std::vector<std::string> FilesOfSegmenter(const std::string& segmenter);
+/// The files and folders that a segmenter is read from, for CheckOutputs.
+std::vector<std::string> FilesOfSegmenter(const std::string& segmenter, const std::string& drive);
 
 }  // namespace carmap

@@ -24,10 +24,11 @@ TEST(SegmenterOptionTest, IsNoneUnlessGiven) {
 }
 
 TEST(SegmenterOptionTest, NamesTheFilesThatAreRead) {
-  EXPECT_THAT(FilesOfSegmenter("none"), IsEmpty());
-  EXPECT_THAT(FilesOfSegmenter("labels"), IsEmpty());
-  EXPECT_THAT(FilesOfSegmenter("a/net.onnx"), ElementsAre("a/net.onnx", "a/net.json"));
-  EXPECT_THAT(FilesOfSegmenter("net.json"), ElementsAre("net.json", "net.json"));
+  EXPECT_THAT(FilesOfSegmenter("none", "d"), IsEmpty());
+  EXPECT_THAT(FilesOfSegmenter("labels", "d"), ElementsAre("d/labels"));
+  EXPECT_THAT(FilesOfSegmenter("folder", "d"), ElementsAre("folder"));
+  EXPECT_THAT(FilesOfSegmenter("a/net.onnx", "d"), ElementsAre("a/net.onnx", "a/net.json"));
+  EXPECT_THAT(FilesOfSegmenter("net.json", "d"), ElementsAre("net.json", "net.json"));
 }
 
 }  // namespace

@@ -134,6 +134,9 @@ absl::StatusOr<ExitCode> RunSimulate(const Arguments& arguments) {
   drive.weather = kWeather.at(arguments.light);
   drive.gps = kGps.at(arguments.gps);
   CARMAP_RETURN_IF_ERROR(ParseSize(arguments.size, drive));
+  for (const std::string& file : FilesOfDrive(arguments.out)) {
+    CARMAP_RETURN_IF_ERROR(CheckKeepsInputs(file, {arguments.path, arguments.change}));
+  }
   auto path = ReadPath(arguments.path, world.scene);
   if (!path.ok()) {
     return WithName("--path (straight, curves, block or a file of poses)", path.status());

@@ -49,9 +49,8 @@ nlohmann::ordered_json ToJson(const StitchReport& report) {
 absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
   const Stopwatch watch;
   // The new map may take the base map's name: it replaces the file at once or not at all.
-  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out}, {arguments.segment}));
-  CARMAP_RETURN_IF_ERROR(
-      CheckOutputs({arguments.report}, {arguments.base, arguments.segment, arguments.out}));
+  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out, arguments.report}, {arguments.segment}));
+  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.report}, {arguments.base}));
   CARMAP_ASSIGN_OR_RETURN(const std::string base_bytes,
                           ReadFile(arguments.base, kMaxLeanFileBytes));
   CARMAP_ASSIGN_OR_RETURN(const LeanMap base, DecodeLeanMap(base_bytes, arguments.base));
@@ -65,7 +64,10 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
   if (!stitched.ok()) return WithName(arguments.segment, stitched.status());
   const auto bytes = EncodeLeanMap(stitched->map);
   if (!bytes.ok()) return WithName(arguments.out, bytes.status());
-  CARMAP_RETURN_IF_ERROR(WriteFileAtomically(arguments.out, *bytes));
+  OutputFiles files;
+  if (!files.Write(arguments.out, [&] { return WriteFileAtomically(arguments.out, *bytes); })) {
+    return kError;
+  }
   const double wall_s = watch.ElapsedMs() * 1e-3;
 
   nlohmann::ordered_json report = ToJson(stitched->report);
@@ -74,7 +76,7 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
   report["result"] = SizeOf(stitched->map, bytes->size());
   report["wall_s"] = wall_s;
   report["peak_rss_mb"] = PeakMemoryMb();
-  CARMAP_RETURN_IF_ERROR(WriteReport(arguments.report, report));
+  files.Write(arguments.report, [&] { return WriteReport(arguments.report, report); });
 
   const StitchReport& found = stitched->report;
   fmt::print("stitched      {} + {} = {} in {:.1f} s\n", Count(base.keyframes.size(), "keyframe"),
@@ -88,7 +90,7 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
              BytesText(static_cast<double>(bytes->size())),
              BytesText(static_cast<double>(base_bytes.size())),
              BytesText(static_cast<double>(segment_bytes.size())));
-  return kSuccess;
+  return files.Finish() ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -121,7 +123,7 @@ overlap is refused with the reason, and no file is written or changed.
 Example:
   carmap stitch base.cmap segment.cmap --out road.cmap
 
-Exit codes: 0 done, 1 error, 2 wrong usage)");
+Exit codes: 0 done, 1 error (no map is written), 2 wrong usage, 3 map written but not the report)");
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return RunStitch(*arguments); }; });
 }
