@@ -797,9 +797,10 @@ TEST_F(BadDrive, WithoutFolderOrFiles) {
   }
 }
 
-TEST_F(BadDrive, WithUnequalImageCounts) {
-  fs::remove(CopyOfDrive() / Image("image_1", 15));
-  ExpectRefusedByBoth("image_0 has 16 images but image_1 has 15");
+TEST_F(BadDrive, WithUnequalImages) {
+  const fs::path drive = CopyOfDrive();
+  for (int frame = 0; frame < 9; ++frame) fs::remove(drive / Image("image_1", frame));
+  ExpectRefusedByBoth("of 16 images in image_0 and 7 in image_1 only 7 have the same name");
 }
 
 TEST_F(BadDrive, Empty) {
@@ -916,6 +917,18 @@ TEST_F(LostFrameTest, BlackFrame) {
     cv::imwrite((drive / Image(side, 7)).string(), cv::Mat(160, 320, CV_8UC1, cv::Scalar(0)));
   }
   ExpectOnlyFrame7Lost("only 0 features");
+}
+
+TEST_F(LostFrameTest, MissingImage) {
+  fs::remove(CopyOfDrive() / Image("image_1", 7));
+  ExpectOnlyFrame7Lost("image_1/000007.png: no such file");
+}
+
+TEST_F(LostFrameTest, TimeOfTheFrameBefore) {
+  const fs::path drive = CopyOfDrive();
+  const std::string times = Read(drive / "times.txt");
+  Write(drive / "times.txt", Replace(times, "0.700000\n", "0.600000\n"));
+  ExpectOnlyFrame7Lost("times.txt: line 8: the time 0.600000 s is that of the frame before");
 }
 
 TEST_F(LostFrameTest, FrozenFrame) {

@@ -1,7 +1,4 @@
-// Camera images from files: 8-bit grey, whole or not at all.
-//
-// Thread-safe. A file is examined before a decoder sees it, since decoders return half a picture
-// for a truncated file and allocate what a header claims.
+// Camera images from files: grey, whole or not at all. Stateless, thread-safe.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -11,12 +8,23 @@
 
 namespace carmap {
 
-/// True for the extensions that ReadGreyImage reads: .png .jpg .jpeg .pgm
+/// True for the extensions of what ReadGreyLevels reads, in upper and lower case: .png .jpg .jpeg
+/// .pgm .bmp .tif .tiff
 bool HasImageExtension(const std::filesystem::path& path);
 
-/// Reads PNG, JPEG or binary PGM, whatever the extension says; colour becomes grey.
+/// Reads PNG, JPEG, BMP, TIFF or binary PGM, whatever the extension says; colour becomes grey. The
+/// levels have 8 or 16 bits (CV_8UC1, CV_16UC1).
 /// Errors: as ReadFile; DataLoss (truncated or damaged); InvalidArgument (another format, or a size
 /// outside 64×32 to 16384×16384 px).
+absl::StatusOr<cv::Mat> ReadGreyLevels(const std::filesystem::path& path);
+
+/// The bits that the levels take, an even number from 8 to 16: cameras write 10 or 12 into 16.
+int UsedBits(const cv::Mat& levels);
+
+/// CV_8UC1: levels of 16 bits, of which so many are used, scaled to 8.
+cv::Mat ToEightBits(const cv::Mat& levels, int used_bits);
+
+/// The levels of a single image in 8 bits, scaled by those that it uses. Errors: as ReadGreyLevels.
 absl::StatusOr<cv::Mat> ReadGreyImage(const std::filesystem::path& path);
 
 /// As ReadGreyImage, for images whose values are not brightness: they are never converted, so

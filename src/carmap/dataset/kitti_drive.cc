@@ -7,6 +7,8 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <iterator>
+#include <map>
 #include <string>
 #include <system_error>
 #include <utility>
@@ -29,7 +31,26 @@ absl::Status Invalid(const fs::path& path, const std::string& cause_and_remedy) 
 
 // --- Image folders ---
 
-/// Names of the images in a folder in the order of their numbers, with leading zeros or without.
+/// What the parts of a drive are called: KITTI has a grey pair of cameras and a colour pair.
+struct Layout {
+  std::string left_folder, right_folder, left_projection, right_projection;
+};
+const Layout kGreyPair{"image_0", "image_1", "P0", "P1"},
+    kColourPair{"image_2", "image_3", "P2", "P3"};
+
+const Layout& LayoutOf(const fs::path& folder) {
+  std::error_code error;
+  const bool has_grey = fs::exists(folder / kGreyPair.left_folder, error) ||
+                        fs::exists(folder / kGreyPair.right_folder, error);
+  return !has_grey && fs::exists(folder / kColourPair.left_folder, error) ? kColourPair : kGreyPair;
+}
+
+/// By number, with leading zeros or without.
+bool IsBefore(const fs::path& a, const fs::path& b) {
+  return std::pair(a.native().size(), a.native()) < std::pair(b.native().size(), b.native());
+}
+
+/// Names of the images in a folder, in order.
 absl::StatusOr<std::vector<fs::path>> ListImages(const fs::path& folder) {
   std::error_code error;
   std::vector<fs::path> names;
@@ -40,32 +61,36 @@ absl::StatusOr<std::vector<fs::path>> ListImages(const fs::path& folder) {
   if (error) {
     return absl::NotFoundError(
         fmt::format("{}: cannot be listed ({}); a drive has the folders "
-                    "image_0 (left) and image_1 (right)",
+                    "image_0 (left) and image_1 (right), or image_2 and image_3",
                     folder.string(), error.message()));
   }
-  std::sort(names.begin(), names.end(), [](const fs::path& a, const fs::path& b) {
-    return std::pair(a.native().size(), a.native()) < std::pair(b.native().size(), b.native());
-  });
+  std::sort(names.begin(), names.end(), IsBefore);
   return names;
 }
 
-absl::Status CheckSameNames(const fs::path& folder, const std::vector<fs::path>& left,
-                            const std::vector<fs::path>& right) {
-  if (left.size() != right.size()) {
-    return Invalid(folder, fmt::format("image_0 has {} images but image_1 has {}; each left image "
-                                       "needs a right one of the same name",
-                                       left.size(), right.size()));
+/// Names of the frames: of what images there are on either side, nearly all of them on both.
+absl::StatusOr<std::vector<fs::path>> ListFrames(const fs::path& folder, const Layout& layout) {
+  const fs::path left_folder = folder / layout.left_folder,
+                 right_folder = folder / layout.right_folder;
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<fs::path> left, ListImages(left_folder));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<fs::path> right, ListImages(right_folder));
+  for (const auto& [side, names] : {std::pair(left_folder, left), std::pair(right_folder, right)}) {
+    if (names.empty()) {
+      return Invalid(side, "the drive is empty; put its images (.png .jpg .pgm) here");
+    }
   }
-  if (left.empty()) {
-    return Invalid(folder / "image_0", "the drive is empty; put its images (.png .jpg .pgm) here");
+  std::vector<fs::path> names;
+  std::set_union(left.begin(), left.end(), right.begin(), right.end(), std::back_inserter(names),
+                 IsBefore);
+  const size_t pairs = left.size() + right.size() - names.size();
+  if (2 * pairs < names.size()) {
+    return Invalid(
+        folder,
+        fmt::format("of {} images in {} and {} in {} only {} have the same name; "
+                    "each left image needs a right one of its name",
+                    left.size(), layout.left_folder, right.size(), layout.right_folder, pairs));
   }
-  const auto [only_left, only_right] = std::mismatch(left.begin(), left.end(), right.begin());
-  if (only_left != left.end()) {
-    return Invalid(folder / "image_1",
-                   fmt::format("has {} where image_0 has {}; give both folders the same names",
-                               only_right->string(), only_left->string()));
-  }
-  return absl::OkStatus();
+  return names;
 }
 
 std::vector<fs::path> InFolder(const fs::path& folder, std::vector<fs::path> names) {
@@ -81,28 +106,57 @@ absl::Status CheckImageSize(const fs::path& path, const cv::Mat& image, int widt
                              image.cols, image.rows, width, height));
 }
 
+/// As ToEightBits needs them, by a sample: all images of a drive are to be scaled alike.
+int UsedBitsOf(const std::vector<fs::path>& paths) {
+  constexpr size_t kSample = 8;
+  int used_bits = 8;
+  for (size_t i = 0; i < kSample; ++i) {
+    const auto levels = ReadGreyLevels(paths[i * paths.size() / kSample]);
+    if (!levels.ok()) continue;
+    if (levels->depth() == CV_8U) break;
+    used_bits = std::max(used_bits, UsedBits(*levels));
+  }
+  return used_bits;
+}
+
 // --- times.txt ---
 
-absl::StatusOr<std::vector<Timestamp>> ReadTimes(const fs::path& path, size_t image_count) {
+/// Frames that cannot be used, whatever their images are.
+using FrameFaults = std::map<uint32_t, absl::Status>;
+
+/// A frame with the time of the one before is at fault; it is put a nanosecond later, so that times
+/// ascend.
+absl::StatusOr<std::vector<Timestamp>> ReadTimes(const fs::path& path, size_t frame_count,
+                                                 FrameFaults& faults) {
   CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxTextBytes));
   std::vector<Timestamp> times;
+  std::optional<Timestamp> before;
   for (const TextLine& line : SplitIntoLines(text)) {
     const std::optional<Timestamp> time = ParseSeconds(line.tokens.front());
     if (!time || line.tokens.size() != 1) {
       return Invalid(path,
                      fmt::format("line {} is not one time in seconds; correct it", line.number));
     }
-    if (!times.empty() && *time <= times.back()) {
+    if (before && *time < *before) {
       return Invalid(path, fmt::format("line {}: the time {:.6f} s is not after the one before, "
                                        "{:.6f} s; times must ascend",
-                                       line.number, time->seconds(), times.back().seconds()));
+                                       line.number, time->seconds(), before->seconds()));
     }
-    times.push_back(*time);
+    if (before && *time == *before) {
+      faults[static_cast<uint32_t>(times.size())] =
+          Invalid(path, fmt::format("line {}: the time {:.6f} s is that of the frame before; give "
+                                    "each frame its own",
+                                    line.number, time->seconds()));
+      times.push_back({times.back().ns + 1});
+    } else {
+      times.push_back(*time);
+    }
+    before = time;
   }
-  if (times.size() != image_count) {
-    return Invalid(path,
-                   fmt::format("has {} times but image_0 has {} images; write one time a frame",
-                               times.size(), image_count));
+  if (times.size() != frame_count) {
+    return Invalid(path, fmt::format("has {} times but the drive has {} frames; write one time a "
+                                     "frame",
+                                     times.size(), frame_count));
   }
   return times;
 }
@@ -150,33 +204,35 @@ bool HaveEqualIntrinsics(const Projection& a, const Projection& b) {
 }
 
 /// The rig but for the image size.
-absl::StatusOr<StereoRig> ReadCalibration(const fs::path& path) {
+absl::StatusOr<StereoRig> ReadCalibration(const fs::path& path, const Layout& layout) {
   CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxTextBytes));
   const std::vector<TextLine> lines = SplitIntoLines(text);
-  CARMAP_ASSIGN_OR_RETURN(const Projection left, FindProjection(path, lines, "P0"));
-  CARMAP_ASSIGN_OR_RETURN(const Projection right, FindProjection(path, lines, "P1"));
+  const std::string &p_left = layout.left_projection, &p_right = layout.right_projection;
+  CARMAP_ASSIGN_OR_RETURN(const Projection left, FindProjection(path, lines, p_left));
+  CARMAP_ASSIGN_OR_RETURN(const Projection right, FindProjection(path, lines, p_right));
   if (!IsRectified(left) || !IsRectified(right)) {
-    return Invalid(path,
-                   "P0 and P1 are not projections of rectified cameras (fx 0 cx tx, 0 fy cy "
-                   "ty, 0 0 1 tz); rectify the images and calibrate again");
+    return Invalid(path, fmt::format("{} and {} are not projections of rectified cameras (fx 0 cx "
+                                     "tx, 0 fy cy ty, 0 0 1 tz); rectify the images and calibrate "
+                                     "again",
+                                     p_left, p_right));
   }
   if (!HaveEqualIntrinsics(left, right)) {
-    return Invalid(path,
-                   "P0 and P1 differ in focal length or principal point; rectify both images "
-                   "to the same camera");
+    return Invalid(path, fmt::format("{} and {} differ in focal length or principal point; rectify "
+                                     "both images to the same camera",
+                                     p_left, p_right));
   }
   constexpr double kMaxFocalPx = 1e5, kMaxBaselineM = 100;
   const double fx = left[0], fy = left[5];
   if (!(fx > 0 && fy > 0 && fx <= kMaxFocalPx && fy <= kMaxFocalPx)) {
-    return Invalid(path, fmt::format("the focal lengths {} and {} px of P0 are not between 0 and "
+    return Invalid(path, fmt::format("the focal lengths {} and {} px of {} are not between 0 and "
                                      "{}; calibrate again",
-                                     fx, fy, kMaxFocalPx));
+                                     fx, fy, p_left, kMaxFocalPx));
   }
   const double baseline_m = (left[3] - right[3]) / fx;
   if (!(baseline_m > 0 && baseline_m <= kMaxBaselineM)) {
-    return Invalid(path, fmt::format("the baseline (P0[3] - P1[3]) / fx is {} m, not between 0 and "
-                                     "{}; P0 is of the left camera, P1 of the right",
-                                     baseline_m, kMaxBaselineM));
+    return Invalid(path, fmt::format("the baseline ({0}[3] - {1}[3]) / fx is {2} m, not between 0 "
+                                     "and {3}; {0} is of the left camera, {1} of the right",
+                                     p_left, p_right, baseline_m, kMaxBaselineM));
   }
   return StereoRig{{.fx = fx, .fy = fy, .cx = left[2], .cy = left[6]}, baseline_m};
 }
@@ -344,22 +400,21 @@ absl::StatusOr<std::unique_ptr<KittiDrive>> KittiDrive::Open(const fs::path& fol
         "{}: no such folder; name a drive's folder (image_0 image_1 calib.txt times.txt)",
         folder.string()));
   }
-  const fs::path left_folder = folder / "image_0", right_folder = folder / "image_1";
-  CARMAP_ASSIGN_OR_RETURN(std::vector<fs::path> left_names, ListImages(left_folder));
-  CARMAP_ASSIGN_OR_RETURN(std::vector<fs::path> right_names, ListImages(right_folder));
-  CARMAP_RETURN_IF_ERROR(CheckSameNames(folder, left_names, right_names));
+  const Layout& layout = LayoutOf(folder);
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<fs::path> names, ListFrames(folder, layout));
+  CARMAP_ASSIGN_OR_RETURN(const FrameRange resolved, ResolveRange(folder, range, names.size()));
 
   std::unique_ptr<KittiDrive> drive(new KittiDrive);
-  drive->left_paths_ = InFolder(left_folder, std::move(left_names));
-  drive->right_paths_ = InFolder(right_folder, std::move(right_names));
-  const size_t image_count = drive->left_paths_.size();
-  CARMAP_ASSIGN_OR_RETURN(const FrameRange resolved, ResolveRange(folder, range, image_count));
+  drive->left_paths_ = InFolder(folder / layout.left_folder, names);
+  drive->right_paths_ = InFolder(folder / layout.right_folder, names);
   drive->first_ = drive->next_ = resolved.first;
   drive->last_ = *resolved.last;
+  drive->used_bits_ = UsedBitsOf(drive->left_paths_);
 
-  CARMAP_ASSIGN_OR_RETURN(drive->times_, ReadTimes(folder / "times.txt", image_count));
-  CARMAP_ASSIGN_OR_RETURN(drive->rig_, ReadCalibration(folder / "calib.txt"));
-  CARMAP_RETURN_IF_ERROR(drive->ReadFirstPair(folder / "calib.txt"));
+  CARMAP_ASSIGN_OR_RETURN(drive->times_,
+                          ReadTimes(folder / "times.txt", names.size(), drive->faults_));
+  CARMAP_ASSIGN_OR_RETURN(drive->rig_, ReadCalibration(folder / "calib.txt", layout));
+  CARMAP_RETURN_IF_ERROR(drive->FindFirstPair(folder / "calib.txt"));
   CARMAP_ASSIGN_OR_RETURN(const Trajectory truth, ReadTruth(folder / "poses.txt", drive->times_));
   if (!truth.empty()) {
     drive->truth_.assign(truth.begin() + drive->first_, truth.begin() + drive->last_ + 1);
@@ -368,21 +423,34 @@ absl::StatusOr<std::unique_ptr<KittiDrive>> KittiDrive::Open(const fs::path& fol
   return drive;
 }
 
-absl::Status KittiDrive::ReadFirstPair(const fs::path& calibration_path) {
-  CARMAP_ASSIGN_OR_RETURN(const cv::Mat left, ReadGreyImage(left_paths_[first_]));
-  CARMAP_ASSIGN_OR_RETURN(const cv::Mat right, ReadGreyImage(right_paths_[first_]));
-  rig_.camera.width = left.cols;
-  rig_.camera.height = left.rows;
-  CARMAP_RETURN_IF_ERROR(CheckImageSize(right_paths_[first_], right, left.cols, left.rows));
-  CARMAP_RETURN_IF_ERROR(CheckPrincipalPoint(calibration_path, rig_.camera));
-  id_ = HashInput(rig_, times_, first_, last_, left, right);
-  return absl::OkStatus();
+absl::Status KittiDrive::FindFirstPair(const fs::path& calibration_path) {
+  absl::Status why_not_first;
+  for (uint32_t index = first_; index <= last_; ++index) {
+    StereoFrame frame;
+    const absl::Status read = ReadPair(index, frame);
+    if (index == first_) why_not_first = read;
+    if (!read.ok()) continue;
+    rig_.camera.width = frame.left.cols;
+    rig_.camera.height = frame.left.rows;
+    CARMAP_RETURN_IF_ERROR(CheckPrincipalPoint(calibration_path, rig_.camera));
+    id_ = HashInput(rig_, times_, first_, last_, frame.left, frame.right);
+    return absl::OkStatus();
+  }
+  return why_not_first;
 }
 
-absl::StatusOr<cv::Mat> KittiDrive::ReadImage(const fs::path& path) const {
-  CARMAP_ASSIGN_OR_RETURN(cv::Mat image, ReadGreyImage(path));
-  CARMAP_RETURN_IF_ERROR(CheckImageSize(path, image, rig_.camera.width, rig_.camera.height));
-  return image;
+absl::Status KittiDrive::ReadPair(uint32_t index, StereoFrame& frame) const {
+  const fs::path &left_path = left_paths_[index], &right_path = right_paths_[index];
+  CARMAP_ASSIGN_OR_RETURN(const cv::Mat left, ReadGreyLevels(left_path));
+  CARMAP_ASSIGN_OR_RETURN(const cv::Mat right, ReadGreyLevels(right_path));
+  const bool is_first = rig_.camera.width == 0;
+  const int width = is_first ? left.cols : rig_.camera.width,
+            height = is_first ? left.rows : rig_.camera.height;
+  CARMAP_RETURN_IF_ERROR(CheckImageSize(left_path, left, width, height));
+  CARMAP_RETURN_IF_ERROR(CheckImageSize(right_path, right, width, height));
+  frame.left = ToEightBits(left, used_bits_);
+  frame.right = ToEightBits(right, used_bits_);
+  return absl::OkStatus();
 }
 
 std::optional<StereoFrame> KittiDrive::Next() {
@@ -390,13 +458,8 @@ std::optional<StereoFrame> KittiDrive::Next() {
   const uint32_t index = next_++;
   StereoFrame frame{.index = index, .timestamp = times_[index]};
   if (!gps_.empty()) frame.gps = gps_[index];
-  auto left = ReadImage(left_paths_[index]), right = ReadImage(right_paths_[index]);
-  if (left.ok() && right.ok()) {
-    frame.left = *std::move(left);
-    frame.right = *std::move(right);
-  } else {
-    frame.status = left.ok() ? right.status() : left.status();
-  }
+  const auto fault = faults_.find(index);
+  frame.status = fault == faults_.end() ? ReadPair(index, frame) : fault->second;
   return frame;
 }
 

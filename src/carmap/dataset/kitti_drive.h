@@ -3,7 +3,7 @@
 //   DRIVE/image_0/000000.png …   left images, rectified, grey (colour files are converted)
 //   DRIVE/image_1/000000.png …   right images
 //   DRIVE/calib.txt              lines `P0:` and `P1:`, 3×4 row-major projection matrices
-//   DRIVE/times.txt              seconds, one line a frame, strictly ascending
+//   DRIVE/times.txt              seconds, one line a frame, ascending
 //   DRIVE/poses.txt              optional ground truth, KITTI form, one line a frame
 //   DRIVE/gps.txt                optional: `time latitude longitude altitude …`, # comments; times
 //   of
@@ -11,13 +11,17 @@
 //                                from the first row. A frame takes the fix interpolated from rows
 //                                within 0.15 s.
 //
+// A drive without image_0 and image_1 may have image_2 and image_3 with `P2:` and `P3:`.
+//
 // Frames are numbered from 0 in the order of the image names, shorter names first (2.png
-// before 10.png); .jpg, .jpeg and .pgm are read like .png.
+// before 10.png); .jpg, .jpeg, .pgm, .bmp, .tif and .tiff are read like .png. A frame that lacks
+// one of its images, or has the time of the frame before, is given as one that cannot be read.
 #pragma once
 
 #include <absl/status/statusor.h>
 
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -38,9 +42,9 @@ struct FrameRange {
 class KittiDrive : public FrameSource {
  public:
   /// Errors, each naming file, cause and remedy: a missing folder or file, no images, unequal
-  /// counts of left and right images or of times, a first image that cannot be read, calibration
-  /// with missing keys, numbers that are not finite, unequal cameras, no baseline; times that do
-  /// not ascend; a range outside the drive; poses or gps lines that cannot be read.
+  /// counts of images and of times, fewer pairs than single images, no pair that can be read,
+  /// calibration with missing keys, numbers that are not finite, unequal cameras, no baseline;
+  /// times that do not ascend; a range outside the drive; poses or gps lines that cannot be read.
   static absl::StatusOr<std::unique_ptr<KittiDrive>> Open(const std::filesystem::path& folder,
                                                           const FrameRange& range = {});
 
@@ -61,15 +65,17 @@ class KittiDrive : public FrameSource {
  private:
   KittiDrive() = default;
 
-  /// Of the rig's size.
-  absl::StatusOr<cv::Mat> ReadImage(const std::filesystem::path& path) const;
+  /// Images of one size, the rig's where it is known.
+  absl::Status ReadPair(uint32_t index, StereoFrame& frame) const;
 
-  /// Completes the rig with the images' size and computes the id.
-  absl::Status ReadFirstPair(const std::filesystem::path& calibration_path);
+  /// Completes the rig with the size of the first pair that can be read, and computes the id.
+  absl::Status FindFirstPair(const std::filesystem::path& calibration_path);
 
   std::vector<std::filesystem::path> left_paths_, right_paths_;
+  int used_bits_ = 8;  ///< of grey levels of 16 bits
   std::vector<Timestamp> times_;
-  std::vector<std::optional<GpsFix>> gps_;  ///< by frame number; empty if there is no gps.txt
+  std::map<uint32_t, absl::Status> faults_;  ///< of frames that cannot be used
+  std::vector<std::optional<GpsFix>> gps_;   ///< by frame number; empty if there is no gps.txt
   Trajectory truth_;
   StereoRig rig_;
   DriveId id_;

@@ -34,6 +34,8 @@ int64_t ParseDigits(std::string_view digits) {
 }  // namespace
 
 std::vector<TextLine> SplitIntoLines(std::string_view text) {
+  constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
+  if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
   std::vector<TextLine> lines;
   size_t number = 0;
   while (!text.empty()) {

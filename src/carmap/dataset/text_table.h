@@ -16,7 +16,8 @@ struct TextLine {
   std::vector<std::string_view> tokens;
 };
 
-/// Lines that hold anything; `#` starts a comment that runs to the end of its line.
+/// Lines that hold anything; `#` starts a comment that runs to the end of its line. A byte order
+/// mark at the beginning is left out.
 std::vector<TextLine> SplitIntoLines(std::string_view text);
 
 /// The whole token as a number; `nan` and `inf` are numbers.
