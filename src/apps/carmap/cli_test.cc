@@ -872,7 +872,7 @@ TEST_F(BadDrive, OfAnotherRoad) {
 class LostFrameTest : public CliTest {
  protected:
   /// Frame 7 is lost: one line says what, the others are mapped and localized.
-  static void ExpectOnlyFrame7Lost(const std::string& what) {
+  static void ExpectOnlyFrame7Lost(const std::string& what, int dead_reckoned = 1) {
     const auto is_told =
         testing::ElementsAre(AllOf(HasSubstr("frame 7 "), HasSubstr(what), HasSubstr("; ")));
     const Result map = Run(
@@ -894,8 +894,8 @@ class LostFrameTest : public CliTest {
     EXPECT_EQ(localize.exit_code, 3);
     EXPECT_THAT(localize.problems(), is_told) << localize.err;
     const nlohmann::json localized = ReadJson("l.json");
-    EXPECT_EQ(localized["known_by"]["map"], kFrames - 1);
-    EXPECT_EQ(localized["known_by"]["dead_reckoning"], 1);
+    EXPECT_EQ(localized["known_by"]["map"], kFrames - dead_reckoned);
+    EXPECT_EQ(localized["known_by"]["dead_reckoning"], dead_reckoned);
     EXPECT_EQ(localized["frames_detail"][7]["known_by"], "dead_reckoning");
   }
 };
@@ -931,13 +931,30 @@ TEST_F(LostFrameTest, TimeOfTheFrameBefore) {
   ExpectOnlyFrame7Lost("times.txt: line 8: the time 0.600000 s is that of the frame before");
 }
 
-TEST_F(LostFrameTest, FrozenFrame) {
+TEST_F(LostFrameTest, ARepeatedFrameIsNotLost) {
   const fs::path drive = CopyOfDrive();
   for (const char* side : {"image_0", "image_1"}) {
     fs::copy_file(drive / Image(side, 6), drive / Image(side, 7),
                   fs::copy_options::overwrite_existing);
   }
-  ExpectOnlyFrame7Lost("frozen");
+  const Result map = Run({"map", "../damaged", "--out", "m.cmap", "--report", "r.json"});
+  EXPECT_EQ(map.exit_code, 0) << map.err;
+  EXPECT_EQ(ReadJson("r.json")["tracked_frames"], kFrames);
+  EXPECT_LE(ReadJson("r.json")["ate_rmse_m"].get<double>(), 0.1);
+  const Result localize = Run({"localize", "../damaged", "--map", "m.cmap", "--report", "l.json"});
+  EXPECT_EQ(localize.exit_code, 0) << localize.err;
+  EXPECT_EQ(ReadJson("l.json")["known_by"]["dead_reckoning"], 1);
+}
+
+TEST_F(LostFrameTest, FrozenFrames) {
+  const fs::path drive = CopyOfDrive();
+  for (const int frame : {5, 6, 7}) {
+    for (const char* side : {"image_0", "image_1"}) {
+      fs::copy_file(drive / Image(side, 4), drive / Image(side, frame),
+                    fs::copy_options::overwrite_existing);
+    }
+  }
+  ExpectOnlyFrame7Lost("the same for 0.30 s: the camera was frozen", /*dead_reckoned=*/3);
 }
 
 TEST_F(LostFrameTest, ManyAreCountedAfterTen) {

@@ -12,6 +12,7 @@
 #include "carmap/base/exceptions.h"
 #include "carmap/base/stopwatch.h"
 #include "carmap/slam/map_parts.h"
+#include "carmap/slam/repeated_frames.h"
 
 namespace carmap {
 
@@ -140,11 +141,13 @@ const TrackedFrame& DriveMapper::Take(const ExtractedFrame& frame) {
     CountTimes(frame, watch.ElapsedMs());
     FollowUp(frame, tracked_);
   } else {
-    tracked_.lost_because = frame.unusable_because;
+    tracked_.lost_because = frame.repeats_image
+                                ? "its image is that of the frame before, which was lost"
+                                : frame.unusable_because;
   }
   result_.trajectory.push_back({.timestamp = frame.timestamp});
-  frames_.push_back(
-      {frame.index, tracked_.reference, tracked_.camera_from_reference, tracked_.lost_because});
+  frames_.push_back({frame.index, tracked_.reference, tracked_.camera_from_reference,
+                     tracked_.lost_because, frame.repeats_image});
   return tracked_;
 }
 
@@ -187,15 +190,20 @@ void DriveMapper::CountTimes(const ExtractedFrame& frame, double track_ms) {
 
 /// Poses in the finished map: each frame moved along with its reference keyframe.
 void DriveMapper::FinishFrames() {
+  std::vector<size_t> repeated;
   for (size_t i = 0; i < frames_.size(); ++i) {
     const TakenFrame& frame = frames_[i];
-    std::optional<Rigid3> map_from_reference;
-    if (frame.reference) map_from_reference = mapping_->mapper().PoseOf(*frame.reference);
-    if (map_from_reference) {
+    if (frame.repeats_image) repeated.push_back(i);
+    if (!frame.reference) continue;
+    if (const auto map_from_reference = mapping_->mapper().PoseOf(*frame.reference)) {
       result_.trajectory[i].world_from_camera =
           *map_from_reference * frame.camera_from_reference.Inverse();
-      continue;
     }
+  }
+  PlaceRepeatedFrames(repeated, result_.trajectory);
+  for (size_t i = 0; i < frames_.size(); ++i) {
+    const TakenFrame& frame = frames_[i];
+    if (result_.trajectory[i].world_from_camera) continue;
     result_.lost_frames.push_back(
         {frame.index, frame.reference ? "the part of the map that it began was too short to be kept"
                                       : frame.lost_because});

@@ -122,6 +122,7 @@ class DriveMapper {
     std::optional<KeyframeId> reference;
     Rigid3 camera_from_reference;
     std::string lost_because;
+    bool repeats_image = false;
   };
 
   const DriveId drive_id_;

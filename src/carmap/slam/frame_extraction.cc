@@ -1,10 +1,18 @@
 #include "carmap/slam/frame_extraction.h"
 
+#include <fmt/format.h>
+
 #include "carmap/base/exceptions.h"
 #include "carmap/base/stopwatch.h"
 #include "carmap/dataset/image_file.h"
 
 namespace carmap {
+namespace {
+
+/// Recorders repeat an image where the camera was late: once, or for so long; more is a fault.
+constexpr double kMaxRepeatedS = 0.25;
+
+}  // namespace
 
 FrameExtraction::FrameExtraction(FrameSource& source, const FrontEndOptions& options,
                                  bool sequential)
@@ -21,10 +29,17 @@ std::optional<ExtractedFrame> FrameExtraction::Extract() {
     return result;
   }
   if (HaveSamePixels(frame->left, previous_left_)) {
-    result.unusable_because = "the image is the same as the one before: the camera was frozen";
+    const double repeated_s = frame->timestamp.seconds() - previous_since_.seconds();
+    result.repeats_image = ++repeats_ == 1 || repeated_s <= kMaxRepeatedS;
+    if (!result.repeats_image) {
+      result.unusable_because = fmt::format(
+          "the image has been the same for {:.2f} s: the camera was frozen", repeated_s);
+    }
     return result;
   }
   previous_left_ = frame->left;
+  previous_since_ = frame->timestamp;
+  repeats_ = 0;
   const Stopwatch watch;
   const absl::Status extracted = CatchExceptions([&] {
     result.features = std::make_shared<const std::vector<Feature>>(

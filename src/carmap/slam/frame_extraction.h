@@ -5,6 +5,7 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <memory>
 #include <opencv2/core/mat.hpp>
@@ -26,9 +27,11 @@ struct ExtractedFrame {
   uint32_t index = 0;  ///< frame number in the drive
   Timestamp timestamp;
   std::optional<GpsFix> gps;
-  cv::Mat left;  ///< as the camera gave it; empty if the frame cannot be used
-  std::shared_ptr<const std::vector<Feature>> features;  ///< null if the frame cannot be used
+  cv::Mat left;  ///< as the camera gave it; empty if there are no features
+  /// Null if the frame cannot be used, or repeats an image.
+  std::shared_ptr<const std::vector<Feature>> features;
   std::string unusable_because;
+  bool repeats_image = false;  ///< of the frame before, and so has no features of its own
   FrontEndTimes times;
   double front_end_ms = 0;
 };
@@ -51,6 +54,8 @@ class FrameExtraction {
 
   StereoFrontEnd front_end_;
   cv::Mat previous_left_;
+  Timestamp previous_since_;  ///< of the first frame that showed it
+  size_t repeats_ = 0;        ///< frames since that showed it too
   ReadAhead reader_;
   RunAhead<ExtractedFrame> frames_;
 };
