@@ -142,7 +142,7 @@ absl::StatusOr<std::vector<Timestamp>> ReadTimes(const fs::path& path, size_t fr
                                        "{:.6f} s; times must ascend",
                                        line.number, time->seconds(), before->seconds()));
     }
-    if (before && *time == *before) {
+    if (!times.empty() && *time <= times.back()) {
       faults[static_cast<uint32_t>(times.size())] =
           Invalid(path, fmt::format("line {}: the time {:.6f} s is that of the frame before; give "
                                     "each frame its own",

@@ -295,6 +295,18 @@ TEST_F(KittiDriveTest, LosesAFrameWithTheTimeOfTheOneBefore) {
   }
 }
 
+TEST_F(KittiDriveTest, TimesAscendAlsoWhereOneComesOnlyANanosecondAfterEqualOnes) {
+  Write("times.txt", "0\n0.1\n0.1\n0.100000001\n");
+  const auto drive = KittiDrive::Open(drive_);
+  ASSERT_TRUE(drive.ok()) << drive.status();
+  int64_t before = -1;
+  while (const auto frame = (*drive)->Next()) {
+    EXPECT_GT(frame->timestamp.ns, before);
+    before = frame->timestamp.ns;
+  }
+  EXPECT_EQ(before, 100'000'002);
+}
+
 TEST_F(KittiDriveTest, ReadsTheColourPairWhereThereIsNoGreyOne) {
   const DriveId id = IdOf();
   fs::rename(drive_ / "image_0", drive_ / "image_2");
