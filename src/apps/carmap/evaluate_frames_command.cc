@@ -167,7 +167,7 @@ absl::StatusOr<ExitCode> EvaluateFrames(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   inputs.push_back(arguments.map);
   if (!arguments.trace.empty()) inputs.push_back(arguments.trace);
-  for (const std::string& file : FilesOfDrive(arguments.map_truth)) inputs.push_back(file);
+  AddFiles(FilesOfDrive(arguments.map_truth), inputs);
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.report}, inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, OpenWithTruth(arguments.drive));
   const StereoRig feature_rig = StereoFrontEnd(drive->rig()).rig();

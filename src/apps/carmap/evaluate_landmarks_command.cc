@@ -107,9 +107,7 @@ void AddToList(const char* sheet, const std::vector<Example>& examples, std::str
 
 absl::StatusOr<ExitCode> EvaluateLandmarks(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
-  for (const std::string& file : FilesOfSegmenter(arguments.segmenter, arguments.drive)) {
-    inputs.push_back(file);
-  }
+  AddFiles(FilesOfSegmenter(arguments.segmenter, arguments.drive), inputs);
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.kept, arguments.removed, arguments.list}, inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive));
   MapDriveOptions options;

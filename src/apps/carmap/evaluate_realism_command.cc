@@ -80,7 +80,7 @@ cv::Mat Draw(const RealismComparison& comparison, const Arguments& arguments) {
 
 absl::StatusOr<ExitCode> EvaluateRealism(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.simulated);
-  for (const std::string& file : FilesOfDrive(arguments.real)) inputs.push_back(file);
+  AddFiles(FilesOfDrive(arguments.real), inputs);
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.picture}, inputs));
   CARMAP_RETURN_IF_ERROR(KittiDrive::Open(arguments.real).status());  // before long work
   CARMAP_ASSIGN_OR_RETURN(DriveMeasures simulated,
@@ -113,7 +113,7 @@ apart), and whether the medians agree within a factor of 1.5, Hamming distances 
                           its level: told by place alone, not by descriptor. Place off: how far
                           from there. Hamming: unequal bits of the 128. Ambiguous: share for which
                           a feature elsewhere, within 5 % of the image's width, comes as near in
-                          bits (within a quarter, or four)
+                          bits (within a quarter, or two)
   track length            of features found again at least once, followed for up to 10 frames; in
                           metres, the mean over those that begin in one frame
 

@@ -206,9 +206,7 @@ absl::StatusOr<ExitCode> EvaluateSegmentation(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   inputs.push_back((std::filesystem::path(arguments.drive) / "labels").string());
   for (const std::string& segmenter : arguments.segmenters) {
-    for (const std::string& file : FilesOfSegmenter(segmenter, arguments.drive)) {
-      inputs.push_back(file);
-    }
+    AddFiles(FilesOfSegmenter(segmenter, arguments.drive), inputs);
   }
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.report, arguments.picture}, inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive));

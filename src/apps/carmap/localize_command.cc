@@ -379,11 +379,9 @@ absl::Status CheckFiles(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   inputs.push_back(arguments.map);
   if (!arguments.map_truth.empty()) {
-    for (const std::string& file : FilesOfDrive(arguments.map_truth)) inputs.push_back(file);
+    AddFiles(FilesOfDrive(arguments.map_truth), inputs);
   }
-  for (const std::string& file : FilesOfSegmenter(arguments.segmenter, arguments.drive)) {
-    inputs.push_back(file);
-  }
+  AddFiles(FilesOfSegmenter(arguments.segmenter, arguments.drive), inputs);
   return CheckOutputs({arguments.trajectory, arguments.report, arguments.picture,
                        arguments.frame_picture, arguments.error_picture},
                       inputs);

@@ -335,9 +335,7 @@ absl::StatusOr<ExitCode> RunMap(const Arguments& arguments) {
   const Stopwatch watch;
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   if (!arguments.vocabulary.empty()) inputs.push_back(arguments.vocabulary);
-  for (const std::string& file : FilesOfSegmenter(arguments.segmenter, arguments.drive)) {
-    inputs.push_back(file);
-  }
+  AddFiles(FilesOfSegmenter(arguments.segmenter, arguments.drive), inputs);
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out, arguments.full_map, arguments.trajectory,
                                        arguments.report, arguments.picture},
                                       inputs));

@@ -59,6 +59,10 @@ std::vector<std::string> FilesOfDrive(const std::string& folder) {
   return files;
 }
 
+void AddFiles(const std::vector<std::string>& files, std::vector<std::string>& inputs) {
+  inputs.insert(inputs.end(), files.begin(), files.end());
+}
+
 absl::Status CheckKeepsInputs(const std::string& output, const std::vector<std::string>& inputs) {
   for (const std::string& input : inputs) {
     if (const auto changed = ChangedInput(output, input)) {

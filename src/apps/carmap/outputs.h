@@ -21,6 +21,9 @@ absl::Status WithName(const std::string& name, const absl::Status& status);
 /// The files and folders of a drive that an output must not change.
 std::vector<std::string> FilesOfDrive(const std::string& folder);
 
+/// Appends the files to the inputs.
+void AddFiles(const std::vector<std::string>& files, std::vector<std::string>& inputs);
+
 /// InvalidArgument if writing the output would change an input, through links too. An input that is
 /// a folder stands for what is directly in it.
 absl::Status CheckKeepsInputs(const std::string& output, const std::vector<std::string>& inputs);

@@ -107,8 +107,7 @@ absl::StatusOr<ExitCode> Train(const TrainArguments& arguments) {
   }
   std::vector<std::string> inputs;
   for (const std::string& drive : arguments.drives) {
-    const auto files = FilesOfDrive(drive);
-    inputs.insert(inputs.end(), files.begin(), files.end());
+    AddFiles(FilesOfDrive(drive), inputs);
   }
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out}, inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto images, ReadImages(arguments));

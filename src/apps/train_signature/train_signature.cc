@@ -7,7 +7,6 @@
 #include <CLI/Formatter.hpp>
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <random>
 #include <string>
 #include <vector>

@@ -57,7 +57,7 @@ std::vector<TrueMatch> FindTrueMatches(const std::vector<PredictedFeature>& pred
 
 /// Whether the true match could be mistaken: a feature elsewhere within `window_px` (half side of a
 /// square) of the predicted place, on a level as near, resembles `descriptor` almost as much as the
-/// true match does: by less than a quarter, or by four bits. Features at the true match's own place
+/// true match does: by less than a quarter, or by two bits. Features at the true match's own place
 /// are the same corner on another level, and no other.
 bool IsAmbiguous(const Descriptor& descriptor, const PredictedFeature& prediction,
                  const TrueMatch& match, const FeatureGrid& to, double window_px,
