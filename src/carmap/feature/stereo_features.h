@@ -6,14 +6,23 @@
 
 #include "carmap/feature/feature.h"
 #include "carmap/feature/orb_extractor.h"
+#include "carmap/feature/pair_geometry.h"
 #include "carmap/feature/stereo_matcher.h"
 #include "carmap/geometry/camera.h"
 
 namespace carmap {
 
+/// By how much the right image lies lower and is turned clockwise about its principal point,
+/// against its calibration: PairGeometry::turn_rad about x and z, radians.
+struct RowMisalignment {
+  double down = 0, turn = 0;
+  bool operator==(const RowMisalignment&) const = default;
+};
+
 struct FrontEndOptions {
   OrbOptions orb;
   StereoOptions stereo;
+  RowMisalignment misalignment;  ///< of the right image, to be undone
 };
 
 /// Wall-clock time of the front end's stages. The right image's pyramid is built beside what is
@@ -38,7 +47,8 @@ class StereoFrontEnd {
       : enlargement_(EnlargementFor(camera_rig.camera)),
         rig_(Enlarged(camera_rig, enlargement_)),
         orb_(options.orb),
-        stereo_options_(options.stereo) {}
+        stereo_options_(options.stereo),
+        misalignment_(options.misalignment) {}
 
   /// The rig in whose pixels features are: the camera's, enlarged if its images are small.
   const StereoRig& rig() const { return rig_; }
@@ -47,14 +57,25 @@ class StereoFrontEnd {
   std::vector<Feature> Extract(const cv::Mat& left, const cv::Mat& right,
                                FrontEndTimes* times = nullptr);
 
+  /// How the cameras really stand in the pair whose left image gave these features: that of the
+  /// last call of Extract.
+  PairGeometry MeasurePair(const std::vector<Feature>& left);
+
+  /// Of the last pair: how many times as bright its right image was.
+  double brightness_ratio() const { return brightness_ratio_; }
+
   /// An image of the camera at the size in which features are.
   cv::Mat AtFeatureSize(const cv::Mat& image) const;
 
  private:
+  cv::Mat Aligned(const cv::Mat& right) const;
+
   const int enlargement_;
   const StereoRig rig_;
   OrbExtractor orb_;
   const StereoOptions stereo_options_;
+  const RowMisalignment misalignment_;
+  double brightness_ratio_ = 1;
   ImagePyramid left_, right_;
 };
 

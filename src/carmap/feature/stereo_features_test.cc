@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 #include "carmap/feature/test_images.h"
 
@@ -49,6 +50,46 @@ TEST(StereoFrontEnd, ASmallImageHasFeaturesNearItsBordersWithTrueDepth) {
   EXPECT_GT(bottom_px / scale, 126 - 10);
   std::nth_element(errors_px.begin(), errors_px.begin() + errors_px.size() / 2, errors_px.end());
   EXPECT_LT(errors_px[errors_px.size() / 2], 0.05);
+}
+
+size_t CountDepths(const std::vector<Feature>& features) {
+  return static_cast<size_t>(
+      std::count_if(features.begin(), features.end(),
+                    [](const Feature& feature) { return feature.has_disparity(); }));
+}
+
+TEST(StereoFrontEnd, DepthsDoNotDependOnTheRightCamerasGain) {
+  const Wall wall(600, 200, 3);
+  StereoFrontEnd front_end(RigOfSize(600, 200));
+  const cv::Mat left = wall.Moved(0), right = wall.Moved(5 * 12);
+  const size_t with_equal_cameras = CountDepths(front_end.Extract(left, right));
+  ASSERT_GT(with_equal_cameras, 500u);
+  for (const double gain : {0.4, 0.6, 1.3}) {
+    cv::Mat other;
+    right.convertTo(other, CV_8U, gain);
+    EXPECT_GT(CountDepths(front_end.Extract(left, other)), with_equal_cameras * 9 / 10) << gain;
+    EXPECT_NEAR(front_end.brightness_ratio(), gain, 0.05);
+  }
+}
+
+TEST(StereoFrontEnd, UndoesTheTurnOfTheRightCamera) {
+  const Wall wall(600, 200, 3);
+  const StereoRig rig = RigOfSize(600, 200);
+  const double turn_rad = 0.6 * std::numbers::pi / 180;
+  const cv::Mat about_axis =
+      cv::getRotationMatrix2D(cv::Point2f(300, 100), turn_rad * 180 / std::numbers::pi, 1.0);
+  const cv::Mat left = wall.Moved(0);
+  cv::Mat right = wall.Moved(5 * 12);
+  StereoFrontEnd straight(rig);
+  const size_t of_sound_rig = CountDepths(straight.Extract(left, right));
+  cv::warpAffine(right, right, about_axis, right.size(), cv::INTER_CUBIC, cv::BORDER_REFLECT);
+  const auto features = straight.Extract(left, right);
+  EXPECT_LT(CountDepths(features), of_sound_rig * 3 / 4);
+  const PairGeometry geometry = straight.MeasurePair(features);
+  EXPECT_NEAR(geometry.turn_rad.z(), turn_rad, 0.1 * turn_rad);
+
+  StereoFrontEnd straightened(rig, {.misalignment = {.turn = geometry.turn_rad.z()}});
+  EXPECT_GT(CountDepths(straightened.Extract(left, right)), of_sound_rig * 9 / 10);
 }
 
 }  // namespace
