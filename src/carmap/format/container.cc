@@ -45,9 +45,9 @@ absl::Status CheckMagic(std::string_view bytes, const std::string& name) {
 absl::Status CheckVersion(uint16_t major, uint16_t minor, const std::string& name) {
   if (major == kFormatMajor) return absl::OkStatus();
   if (major < kFormatMajor) {
-    return absl::UnimplementedError(
-        fmt::format("{}: format version {}.{}, before the signatures of {}.x; map its drive again",
-                    name, major, minor, kFormatMajor));
+    return absl::UnimplementedError(fmt::format(
+        "{}: format version {}.{} is older than the supported {}.x; map its drive again", name,
+        major, minor, kFormatMajor));
   }
   return absl::UnimplementedError(
       fmt::format("{}: format version {}.{} is newer than the supported {}.x; upgrade carmap", name,

@@ -28,7 +28,7 @@ constexpr uint64_t kMaxDrives = uint64_t{1} << 16;
 constexpr uint64_t kMaxKeyframes = uint64_t{1} << 24;
 constexpr uint64_t kMaxLandmarks = uint64_t{1} << 28;
 constexpr uint64_t kMaxObservations = uint64_t{1} << 36;
-constexpr size_t kDriveBytes = 80;
+constexpr size_t kDriveBytes = 84;
 constexpr size_t kDescriptorBytes = sizeof(Descriptor);
 
 /// How many records of each kind the columns hold.
@@ -144,6 +144,7 @@ std::string EncodeDrives(const std::vector<LeanDrive>& drives) {
     for (const double value : drive.rig.disparity_bias.coefficients_px) AppendDouble(value, out);
     AppendUint(static_cast<uint32_t>(camera.width), out);
     AppendUint(static_cast<uint32_t>(camera.height), out);
+    AppendUint(static_cast<uint32_t>(drive.faults.to_ulong()), out);
   }
   return out;
 }
@@ -353,6 +354,9 @@ absl::StatusOr<std::vector<LeanDrive>> DecodeDrives(std::string_view bytes, size
     for (double& value : drive.rig.disparity_bias.coefficients_px) value = reader.Double();
     camera.width = static_cast<int>(reader.Uint<uint32_t>());
     camera.height = static_cast<int>(reader.Uint<uint32_t>());
+    const auto faults = reader.Uint<uint32_t>();
+    if (faults >> kDriveFaultCount != 0) return Malformed("unknown faults of a drive");
+    drive.faults = faults;
   }
   return drives;
 }

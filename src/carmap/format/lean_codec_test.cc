@@ -290,13 +290,14 @@ TEST(LeanCodec, ReadsAndWritesFiles) {
   EXPECT_FALSE(WriteLeanMap("/no/such/folder/map.cmap", map).ok());
 }
 
-/// The map of testdata/lean_v2.cmap. Written out, so that no change of RandomStreet alters it.
+/// The map of testdata/lean_v3.cmap. Written out, so that no change of RandomStreet alters it.
 LeanMap GoldenMap() {
   LeanMap map;
   map.drives = {
       {{0x1122334455667788}, {{707.0912, 707.0912, 601.8873, 183.1104, 1226, 370}, 0.5372}},
       {{0x99aabbccddeeff00},
-       {{700, 701, 600, 180, 1200, 360}, 0.25, {Eigen::Vector3d(0.25, -0.0625, 0.5)}}}};
+       {{700, 701, 600, 180, 1200, 360}, 0.25, {Eigen::Vector3d(0.25, -0.0625, 0.5)}},
+       1 << static_cast<int>(DriveFault::kUnsynchronised)}};
   const auto add_keyframe = [&](size_t drive, uint32_t index, int64_t ns,
                                 const GridVector& rotation, const Eigen::Vector3d& translation,
                                 std::optional<GpsFix> gps) {
@@ -325,7 +326,7 @@ LeanMap GoldenMap() {
 
 /// With CARMAP_WRITE_GOLDEN set the file is written anew; only for a new version of the format.
 TEST(LeanCodec, StillReadsAndWritesTheGoldenFile) {
-  const std::filesystem::path path = std::filesystem::path(CARMAP_FORMAT_TESTDATA) / "lean_v2.cmap";
+  const std::filesystem::path path = std::filesystem::path(CARMAP_FORMAT_TESTDATA) / "lean_v3.cmap";
   if (std::getenv("CARMAP_WRITE_GOLDEN") != nullptr) {
     ASSERT_TRUE(WriteLeanMap(path, GoldenMap()).ok());
   }

@@ -29,6 +29,7 @@ LeanDrive RandomDrive(Dice& dice) {
       dice.Between(300, 1000), dice.Between(300, 1000), 601.887, 183.110, 1226, 370};
   drive.rig.baseline_m = dice.Between(0.1, 1);
   for (double& value : drive.rig.disparity_bias.coefficients_px) value = dice.Between(-1, 1);
+  drive.faults = static_cast<unsigned long>(dice.Between(0, 1 << kDriveFaultCount));
   return drive;
 }
 
@@ -103,7 +104,7 @@ LeanMap RandomStreet(uint64_t seed, const RandomMapOptions& options) {
 
 bool AreIdentical(const LeanMap& a, const LeanMap& b) {
   const auto same_drive = [](const LeanDrive& x, const LeanDrive& y) {
-    return x.id == y.id && x.rig == y.rig;
+    return x.id == y.id && x.rig == y.rig && x.faults == y.faults;
   };
   const auto same_keyframe = [](const LeanKeyframe& x, const LeanKeyframe& y) {
     return x.id == y.id && x.timestamp == y.timestamp && x.gps == y.gps &&

@@ -17,6 +17,7 @@
 #include "carmap/geometry/camera.h"
 #include "carmap/geometry/geodesy.h"
 #include "carmap/geometry/rigid3.h"
+#include "carmap/map/drive_fault.h"
 
 namespace carmap {
 
@@ -24,6 +25,7 @@ namespace carmap {
 struct LeanDrive {
   DriveId id;
   StereoRig rig;
+  DriveFaults faults = {};
 };
 
 struct LeanKeyframe {
