@@ -455,7 +455,10 @@ absl::Status KittiDrive::ReadPair(uint32_t index, StereoFrame& frame) const {
 
 std::optional<StereoFrame> KittiDrive::Next() {
   if (next_ > last_) return std::nullopt;
-  const uint32_t index = next_++;
+  return Read(next_++);
+}
+
+StereoFrame KittiDrive::Read(uint32_t index) const {
   StereoFrame frame{.index = index, .timestamp = times_[index]};
   if (!gps_.empty()) frame.gps = gps_[index];
   const auto fault = faults_.find(index);

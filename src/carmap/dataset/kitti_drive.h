@@ -52,6 +52,11 @@ class KittiDrive : public FrameSource {
   std::optional<size_t> frame_count() const override { return size(); }
   std::optional<StereoFrame> Next() override;
 
+  /// The frame of this number, of the range, whatever was read before. Thread-safe.
+  StereoFrame Read(uint32_t index) const;
+
+  /// Number of the range's first frame.
+  uint32_t first() const { return first_; }
   /// Number of frames in the range.
   size_t size() const { return last_ - first_ + 1; }
 

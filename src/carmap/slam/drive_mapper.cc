@@ -118,8 +118,11 @@ class DriveMapper::MappingStage {
   std::thread thread_;
 };
 
-DriveMapper::DriveMapper(const StereoRig& rig, DriveId drive_id, const MapDriveOptions& options)
+DriveMapper::DriveMapper(const StereoRig& camera_rig, const StereoRig& rig, DriveId drive_id,
+                         const MapDriveOptions& options)
     : drive_id_(drive_id),
+      max_bias_px_(options.mapper.bias.max_rad * rig.camera.fx),
+      health_(camera_rig, rig),
       tracker_(options.tracker),
       mapping_(std::make_unique<MappingStage>(rig, drive_id, options)) {
   if (!options.segmenter) return;
@@ -139,6 +142,7 @@ const TrackedFrame& DriveMapper::Take(const ExtractedFrame& frame) {
     const Stopwatch watch;
     tracked_ = TrackOrRecover(frame);
     CountTimes(frame, watch.ElapsedMs());
+    TakeHealth(frame, tracked_);
     FollowUp(frame, tracked_);
   } else {
     tracked_.lost_because = frame.repeats_image
@@ -188,6 +192,24 @@ void DriveMapper::CountTimes(const ExtractedFrame& frame, double track_ms) {
   result_.stage_ms["track"] += track_ms;
 }
 
+void DriveMapper::TakeHealth(const ExtractedFrame& frame, const TrackedFrame& tracked) {
+  if (frame.pair) health_.TakePair(*frame.pair);
+  health_.TakeFeatures(*frame.features);
+  std::vector<uint32_t> feature_idxs;
+  for (const auto& [landmark_id, feature_idx] : tracked.landmark_of_feature) {
+    feature_idxs.push_back(feature_idx);
+  }
+  health_.TakeTracked(*frame.features, feature_idxs);
+}
+
+DriveHealth DriveMapper::Health(const Trajectory& trajectory) const {
+  std::vector<uint32_t> frame_indices;
+  for (const TakenFrame& frame : frames_) frame_indices.push_back(frame.index);
+  const LocalMapper& mapper = mapping_->mapper();
+  return health_.Judge(trajectory, frame_indices, mapper.map().keyframes().size(),
+                       mapper.rig().disparity_bias, max_bias_px_);
+}
+
 /// Poses in the finished map: each frame moved along with its reference keyframe.
 void DriveMapper::FinishFrames() {
   std::vector<size_t> repeated;
@@ -215,6 +237,19 @@ std::optional<LabellingSummary> DriveMapper::labelling() const {
   return LabellingSummary{labeller_->offered(), labeller_->labelled(), labeller_->failure()};
 }
 
+/// What the pairs show is the cause, if they show anything.
+absl::Status DriveMapper::NoFrameTracked() const {
+  const std::vector<Suspicion> suspicions = Health(result_.trajectory).suspicions;
+  if (!suspicions.empty()) {
+    return absl::FailedPreconditionError(fmt::format("no frame of {} could be tracked: {}; {}",
+                                                     frames_.size(), suspicions.front().finding,
+                                                     suspicions.front().remedy));
+  }
+  return absl::FailedPreconditionError(
+      fmt::format("no frame of {} could be tracked; the first: {}", frames_.size(),
+                  frames_.empty() ? "there is none" : frames_.front().lost_because));
+}
+
 absl::StatusOr<MappedDrive> DriveMapper::Finish() {
   const absl::Status finished = CatchExceptions(
       [&] { mapping_->Finish(labeller_ ? labeller_->Finish() : std::vector<LabelledKeyframe>()); });
@@ -226,11 +261,10 @@ absl::StatusOr<MappedDrive> DriveMapper::Finish() {
     return finished;
   }
   if (mapper.map().keyframes().empty()) {
-    return absl::FailedPreconditionError(
-        fmt::format("no frame of {} could be tracked; the first: {}", frames_.size(),
-                    frames_.empty() ? "there is none" : frames_.front().lost_because));
+    return NoFrameTracked();
   }
   FinishFrames();
+  result_.health = Health(result_.trajectory);
   for (const std::vector<KeyframeId>& part : ConnectedParts(mapper.map())) {
     result_.parts.push_back({part.front().index, part.size()});
   }

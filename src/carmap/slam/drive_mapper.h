@@ -22,6 +22,7 @@
 #include "carmap/geometry/camera.h"
 #include "carmap/map/map.h"
 #include "carmap/semantics/keyframe_labeller.h"
+#include "carmap/slam/drive_health.h"
 #include "carmap/slam/frame_extraction.h"
 #include "carmap/slam/georeference_map.h"
 #include "carmap/slam/local_mapper.h"
@@ -68,6 +69,7 @@ struct MappedDrive {
   StereoRig rig;  ///< in whose pixels features are, with the disparity bias found on the way
   Trajectory trajectory;  ///< in the map's frame, one entry a frame, after all adjustments
   std::vector<LostFrame> lost_frames;
+  DriveHealth health;
   std::vector<MapPart> parts;                 ///< one if the whole map holds together
   std::vector<Loop> loops;                    ///< that were closed
   size_t rejected_loop_keyframes = 0;         ///< see LoopDetector::rejected_count
@@ -83,8 +85,9 @@ struct MappedDrive {
 
 class DriveMapper {
  public:
-  /// `rig` is the one in whose pixels features are.
-  DriveMapper(const StereoRig& rig, DriveId drive_id, const MapDriveOptions& options);
+  /// `camera_rig` is that of the drive's own images, `rig` the one in whose pixels features are.
+  DriveMapper(const StereoRig& camera_rig, const StereoRig& rig, DriveId drive_id,
+              const MapDriveOptions& options);
   ~DriveMapper();
   DriveMapper(const DriveMapper&) = delete;
   DriveMapper& operator=(const DriveMapper&) = delete;
@@ -100,6 +103,9 @@ class DriveMapper {
   /// Keyframes that were made so far.
   size_t keyframe_count() const;
 
+  /// The verdict on the drive so far, judged by this trajectory of the frames taken.
+  DriveHealth Health(const Trajectory& trajectory) const;
+
   /// What came of labelling so far; nothing without a segmenter.
   std::optional<LabellingSummary> labelling() const;
 
@@ -114,7 +120,9 @@ class DriveMapper {
   TrackedFrame TrackOrRecover(const ExtractedFrame& frame);
   void FollowUp(const ExtractedFrame& frame, TrackedFrame& tracked);
   void CountTimes(const ExtractedFrame& frame, double track_ms);
+  void TakeHealth(const ExtractedFrame& frame, const TrackedFrame& tracked);
   void FinishFrames();
+  absl::Status NoFrameTracked() const;
 
   /// What is kept of a frame until its pose in the finished map is known.
   struct TakenFrame {
@@ -126,6 +134,8 @@ class DriveMapper {
   };
 
   const DriveId drive_id_;
+  const double max_bias_px_;
+  DriveHealthMonitor health_;
   Tracker tracker_;
   std::optional<KeyframeLabeller> labeller_;
   std::unique_ptr<MappingStage> mapping_;

@@ -51,7 +51,18 @@ std::optional<ExtractedFrame> FrameExtraction::Extract() {
   }
   result.left = frame->left;
   result.front_end_ms = watch.ElapsedMs();
+  CheckPair(result);
   return result;
+}
+
+void FrameExtraction::CheckPair(ExtractedFrame& frame) {
+  constexpr size_t kEvery = 10;
+  const bool is_due = extracted_++ % kEvery == 0 || looks_again_;
+  if (!is_due) return;
+  frame.pair = {frame.index, front_end_.MeasurePair(*frame.features),
+                front_end_.brightness_ratio()};
+  const auto fault = FaultOf(frame.pair->geometry);
+  looks_again_ = !looks_again_ && fault && CanBeginLater(*fault);
 }
 
 }  // namespace carmap

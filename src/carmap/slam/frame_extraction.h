@@ -19,6 +19,7 @@
 #include "carmap/dataset/read_ahead.h"
 #include "carmap/feature/stereo_features.h"
 #include "carmap/geometry/geodesy.h"
+#include "carmap/slam/pair_check.h"
 
 namespace carmap {
 
@@ -31,7 +32,8 @@ struct ExtractedFrame {
   /// Null if the frame cannot be used, or repeats an image.
   std::shared_ptr<const std::vector<Feature>> features;
   std::string unusable_because;
-  bool repeats_image = false;  ///< of the frame before, and so has no features of its own
+  bool repeats_image = false;       ///< of the frame before, and so has no features of its own
+  std::optional<CheckedPair> pair;  ///< of some frames
   FrontEndTimes times;
   double front_end_ms = 0;
 };
@@ -52,7 +54,13 @@ class FrameExtraction {
  private:
   std::optional<ExtractedFrame> Extract();
 
+  /// Looks at the pair of every tenth frame that has features, and at the next if images may have
+  /// been lost.
+  void CheckPair(ExtractedFrame& frame);
+
   StereoFrontEnd front_end_;
+  size_t extracted_ = 0;
+  bool looks_again_ = false;
   cv::Mat previous_left_;
   Timestamp previous_since_;  ///< of the first frame that showed it
   size_t repeats_ = 0;        ///< frames since that showed it too

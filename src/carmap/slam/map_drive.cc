@@ -11,7 +11,7 @@ namespace carmap {
 absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id,
                                      const MapDriveOptions& options, const MapProgress& progress) {
   FrameExtraction frames(source, options.front_end, options.sequential);
-  DriveMapper mapper(frames.front_end().rig(), drive_id, options);
+  DriveMapper mapper(source.rig(), frames.front_end().rig(), drive_id, options);
   const absl::Status driven = CatchExceptions([&] {
     for (size_t taken = 1; const auto frame = frames.Next(); ++taken) {
       mapper.Take(*frame);

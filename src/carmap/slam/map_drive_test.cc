@@ -240,7 +240,7 @@ TEST_P(BadFrames, AnExceptionOfTheMapperReachesTheCaller) {
   FrameExtraction frames(source, {}, /*sequential=*/true);
   StereoRig rig = frames.front_end().rig();
   rig.camera.height = -1000;  // of which there is no grid of features
-  DriveMapper mapper(rig, kDrive, {.sequential = GetParam()});
+  DriveMapper mapper(source.rig(), rig, kDrive, {.sequential = GetParam()});
   mapper.Take(*frames.Next());
   EXPECT_THROW(mapper.Take(*frames.Next()), std::length_error);
   const auto mapped = mapper.Finish();
