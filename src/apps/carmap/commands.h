@@ -18,6 +18,7 @@ enum ExitCode { kSuccess = 0, kError = 1, kWrongUsage = 2, kIncomplete = 3 };
 using Command = std::function<absl::StatusOr<ExitCode>()>;
 
 void AddSimulateCommand(CLI::App& app, Command& chosen);
+void AddCheckCommand(CLI::App& app, Command& chosen);
 void AddMapCommand(CLI::App& app, Command& chosen);
 void AddLocalizeCommand(CLI::App& app, Command& chosen);
 void AddStitchCommand(CLI::App& app, Command& chosen);

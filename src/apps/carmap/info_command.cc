@@ -46,6 +46,14 @@ Eigen::AlignedBox3d BoundsOf(const LeanMap& map) {
 
 nlohmann::ordered_json ToJson(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
+std::vector<std::string> FaultNames(const DriveFaults& faults) {
+  std::vector<std::string> names;
+  for (size_t i = 0; i < faults.size(); ++i) {
+    if (faults[i]) names.emplace_back(kDriveFaultNames[i]);
+  }
+  return names;
+}
+
 nlohmann::ordered_json ToJson(const LeanMap& map, const LeanDrive& drive) {
   const PinholeCamera& camera = drive.rig.camera;
   return {{"id", fmt::format("{:016x}", drive.id.value)},
@@ -57,7 +65,8 @@ nlohmann::ordered_json ToJson(const LeanMap& map, const LeanDrive& drive) {
           {"cx_px", camera.cx},
           {"cy_px", camera.cy},
           {"baseline_m", drive.rig.baseline_m},
-          {"disparity_bias_px", ToJson(drive.rig.disparity_bias.coefficients_px)}};
+          {"disparity_bias_px", ToJson(drive.rig.disparity_bias.coefficients_px)},
+          {"suspect", FaultNames(drive.faults)}};
 }
 
 nlohmann::ordered_json ToJson(const LeanMap& map, size_t bytes) {
@@ -111,9 +120,10 @@ void PrintTable(const std::string& path, const LeanMap& map, size_t bytes) {
   }
   for (const LeanDrive& drive : map.drives) {
     const PinholeCamera& camera = drive.rig.camera;
-    row("drive", fmt::format("{:016x}: {}, features at {}x{} px, fx {:.1f} px, baseline {:.3f} m",
+    row("drive", fmt::format("{:016x}: {}, features at {}x{} px, fx {:.1f} px, baseline {:.3f} m{}",
                              drive.id.value, Count(KeyframesOf(map, drive.id), "keyframe"),
-                             camera.width, camera.height, camera.fx, drive.rig.baseline_m));
+                             camera.width, camera.height, camera.fx, drive.rig.baseline_m,
+                             drive.faults.any() ? "; suspect: " + NamesOf(drive.faults) : ""));
   }
 }
 

@@ -13,6 +13,7 @@
 
 #include "apps/carmap/commands.h"
 #include "apps/carmap/evaluated_map.h"
+#include "apps/carmap/health_report.h"
 #include "apps/carmap/outputs.h"
 #include "apps/carmap/reports.h"
 #include "apps/carmap/segmenter_option.h"
@@ -34,6 +35,7 @@
 #include "carmap/index/reconstruct.h"
 #include "carmap/semantics/segmenter_choice.h"
 #include "carmap/slam/drive_mapper.h"
+#include "carmap/slam/drive_sample.h"
 #include "carmap/slam/frame_extraction.h"
 #include "carmap/vehicle/base_tracker.h"
 
@@ -101,7 +103,9 @@ struct LocalizedDrive {
   double longest_dead_reckoning_m = 0;
   FramePicture best_frame;                    ///< the one with most landmarks
   std::optional<LabellingSummary> labelling;  ///< of the vehicle's own keyframes
-  std::string failure;  ///< why it ends before the drive: an exception, in one line
+  DriveHealth health;
+  RowMisalignment undone;  ///< of the right images
+  std::string failure;     ///< why it ends before the drive: an exception, in one line
 
   size_t localized() const { return by_map + by_dead_reckoning; }
 };
@@ -109,10 +113,10 @@ struct LocalizedDrive {
 /// One drive's way through the map, frame by frame.
 class DriveLocalizer {
  public:
-  DriveLocalizer(const LoadedMap& loaded, const StereoFrontEnd& front_end,
-                 std::shared_ptr<Segmenter> segmenter)
+  DriveLocalizer(const LoadedMap& loaded, const StereoRig& camera_rig,
+                 const StereoFrontEnd& front_end, std::shared_ptr<Segmenter> segmenter)
       : front_end_(front_end),
-        own_map_(loaded.rig, DriveId(), OwnMapOptions(std::move(segmenter))),
+        own_map_(camera_rig, loaded.rig, DriveId(), OwnMapOptions(std::move(segmenter))),
         tracker_(loaded.map, loaded.rig,
                  {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()}) {}
 
@@ -133,6 +137,7 @@ class DriveLocalizer {
   }
 
   LocalizedDrive& drive() { return drive_; }
+  DriveHealth Health() const { return own_map_.Health(drive_.trajectory); }
   std::optional<LabellingSummary> labelling() const { return own_map_.labelling(); }
 
  private:
@@ -179,8 +184,9 @@ class DriveLocalizer {
 
 LocalizedDrive LocalizeDrive(KittiDrive& drive, const LoadedMap& loaded,
                              std::shared_ptr<Segmenter> segmenter) {
-  FrameExtraction frames(drive, {}, /*sequential=*/false);
-  DriveLocalizer localizer(loaded, frames.front_end(), std::move(segmenter));
+  const RowMisalignment misalignment = FindMisalignment(drive);
+  FrameExtraction frames(drive, {.misalignment = misalignment}, /*sequential=*/false);
+  DriveLocalizer localizer(loaded, drive.rig(), frames.front_end(), std::move(segmenter));
   Progress progress("localizing", drive.size());
   const absl::Status driven = CatchExceptions([&] {
     for (size_t taken = 1; const auto frame = frames.Next(); ++taken) {
@@ -190,6 +196,8 @@ LocalizedDrive LocalizeDrive(KittiDrive& drive, const LoadedMap& loaded,
   });
   localizer.drive().failure = std::string(driven.message());
   localizer.drive().labelling = localizer.labelling();
+  localizer.drive().health = localizer.Health();
+  localizer.drive().undone = misalignment;
   return std::move(localizer.drive());
 }
 
@@ -257,6 +265,8 @@ nlohmann::ordered_json ToJson(const LoadedMap& loaded, const LocalizedDrive& loc
   report["map_bytes"] = loaded.bytes;
   report["frame_ms"] = ToJson(Summarize(localized.frame_ms));
   report["peak_rss_mb"] = PeakMemoryMb();
+  report["health"] = ToJson(localized.health);
+  report["misalignment_undone"] = ToJson(localized.undone);
   report["unusable_frames"] = ToJson(localized.unusable_frames);
   report["lost_frames"] = ToJson(localized.lost_frames);
   if (!localized.failure.empty()) report["failure"] = localized.failure;
@@ -340,6 +350,8 @@ void PrintSummary(const LoadedMap& loaded, const LocalizedDrive& localized,
              loaded.read_ms + loaded.decode_ms + loaded.rebuild_ms, loaded.read_ms,
              loaded.decode_ms, loaded.rebuild_ms);
   fmt::print("frame         {} ms\n", ToText(Summarize(localized.frame_ms), 1));
+  PrintUndone(localized.undone);
+  PrintHealth(localized.health);
   if (!error) return;
   fmt::print("position      {} m off\n", ToText(error->position_m, 3));
   fmt::print("rotation      {} deg off\n", ToText(error->rotation_deg, 3));
@@ -369,6 +381,12 @@ void PrintNotFound(const LocalizedDrive& localized) {
 }
 
 absl::Status NoFrameFound(const LocalizedDrive& localized, const Arguments& arguments) {
+  if (!localized.health.suspicions.empty()) {
+    const Suspicion& suspicion = localized.health.suspicions.front();
+    return absl::NotFoundError(fmt::format("{}: no frame of {} was found in {}: {}; {}",
+                                           arguments.drive, localized.trajectory.size(),
+                                           arguments.map, suspicion.finding, suspicion.remedy));
+  }
   return absl::NotFoundError(fmt::format(
       "{}: no frame of {} was found in {} (the first: {}); take a map of the road that it drives",
       arguments.drive, localized.trajectory.size(), arguments.map,
@@ -390,12 +408,13 @@ absl::Status CheckFiles(const Arguments& arguments) {
 /// Whether nothing of what was asked for is missing; says on standard error what is.
 bool CheckComplete(const LocalizedDrive& localized, const Arguments& arguments,
                    const OutputFiles& files) {
+  const bool is_sound = CheckSound(localized.health.suspicions, arguments.drive);
   PrintLostFrames(arguments.drive, localized.unusable_frames);
   const bool is_whole = CheckWhole(localized.failure, arguments.drive);
   const bool is_filtered = CheckLabelling(localized.labelling, arguments.segmenter,
                                           "the vehicle may have tracked itself by traffic");
   const bool is_written = files.Finish();
-  return is_whole && is_filtered && is_written && localized.unusable_frames.empty();
+  return is_whole && is_filtered && is_sound && is_written && localized.unusable_frames.empty();
 }
 
 absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
@@ -490,8 +509,10 @@ Examples:
   carmap localize kitti06_000-050 --map road.cmap --trajectory localized.txt
   carmap localize kitti06_000-050 --map road.cmap --map-truth kitti06_000-050 --report r.json
 
+`health` tells, as `carmap map` does, what the drive shows of its own soundness.
+
 Exit codes: 0 done, 1 error or no frame found, 2 wrong usage, 3 done but without unusable images,
-the segmenter failed, or a file could not be written)",
+the drive is suspect, the segmenter failed, or a file could not be written)",
       kSegmenterHelp));
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return RunLocalize(*arguments); }; });

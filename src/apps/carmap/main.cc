@@ -37,8 +37,8 @@ Exit codes:
   0  done
   1  an error; one line on standard error names file, cause and remedy
   2  wrong usage
-  3  done, but not with all of the input, or some file could not be written: lines on standard
-     error say what was left out)";
+  3  done, but not with all of the input, or the drive cannot be right, or some file could not be
+     written: lines on standard error say what and why)";
 
 /// Cause and remedy in one line.
 std::string ExplainUsage(const CLI::App& app, const CLI::ParseError& error,
@@ -86,6 +86,7 @@ int Run(int argc, char** argv) {
 
   Command chosen;
   AddSimulateCommand(app, chosen);
+  AddCheckCommand(app, chosen);
   AddMapCommand(app, chosen);
   AddLocalizeCommand(app, chosen);
   AddStitchCommand(app, chosen);

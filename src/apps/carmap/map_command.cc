@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "apps/carmap/commands.h"
+#include "apps/carmap/health_report.h"
 #include "apps/carmap/outputs.h"
 #include "apps/carmap/reports.h"
 #include "apps/carmap/segmenter_option.h"
@@ -30,6 +31,7 @@
 #include "carmap/format/lean_codec.h"
 #include "carmap/map/strip.h"
 #include "carmap/semantics/segmenter_choice.h"
+#include "carmap/slam/drive_sample.h"
 #include "carmap/slam/map_drive.h"
 #include "carmap/solve/alignment.h"
 
@@ -46,6 +48,7 @@ struct Arguments {
 
 /// What a run made, and what it took to make it.
 struct Run {
+  RowMisalignment undone;  ///< of the right images
   MappedDrive mapped;
   StrippedMap stripped;
   bool has_map = false;  ///< that it is written
@@ -58,11 +61,13 @@ struct Run {
 };
 
 absl::StatusOr<MappedDrive> MapWithProgress(FrameSource& drive, DriveId id,
-                                            const Arguments& arguments) {
+                                            const Arguments& arguments,
+                                            const RowMisalignment& misalignment) {
   MapDriveOptions options;
   const PinholeCamera& camera = drive.rig().camera;
   CARMAP_ASSIGN_OR_RETURN(options.segmenter, MakeSegmenter(arguments.segmenter, arguments.drive,
                                                            {camera.width, camera.height}));
+  options.front_end.misalignment = misalignment;
   options.labelling.every = arguments.segment_every;
   options.labelling.real_time = arguments.replay_hz.has_value();
   options.sequential = arguments.sequential;
@@ -94,19 +99,25 @@ std::optional<Summary> GeoreferencedError(const MappedDrive& mapped, const Traje
 
 /// As fast as it goes, or as a camera gives frames.
 absl::Status MapFrames(KittiDrive& drive, const Arguments& arguments, Run& run) {
+  run.undone = FindMisalignment(drive);
   if (!arguments.replay_hz) {
-    CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(drive, drive.id(), arguments));
+    CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(drive, drive.id(), arguments, run.undone));
     return absl::OkStatus();
   }
   CameraReplay replay(drive, {.rate_hz = *arguments.replay_hz});
-  CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(replay, drive.id(), arguments));
+  CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(replay, drive.id(), arguments, run.undone));
   run.dropped_frames = replay.dropped_count();
   return absl::OkStatus();
 }
 
 /// A map that nobody can be localized by replaces none that was made before.
-absl::Status CheckHoldsLandmarks(const LeanMap& map, const std::string& drive) {
-  if (!map.landmarks.empty()) return absl::OkStatus();
+absl::Status CheckHoldsLandmarks(const Run& run, const std::string& drive) {
+  if (!run.stripped.lean.landmarks.empty()) return absl::OkStatus();
+  if (const auto& suspicions = run.mapped.health.suspicions; !suspicions.empty()) {
+    return absl::FailedPreconditionError(fmt::format("{}: the map is empty: {}; {}", drive,
+                                                     suspicions.front().finding,
+                                                     suspicions.front().remedy));
+  }
   return absl::FailedPreconditionError(fmt::format(
       "{}: the map is empty: no landmark was seen by {} keyframes; map more of the drive", drive,
       StripOptions().min_observations));
@@ -116,12 +127,12 @@ absl::Status WriteMap(const Arguments& arguments, Run& run) {
   const auto bytes = EncodeLeanMap(run.stripped.lean);
   if (!bytes.ok()) return WithName(arguments.out, bytes.status());
   run.lean_bytes = bytes->size();
-  CARMAP_RETURN_IF_ERROR(CheckHoldsLandmarks(run.stripped.lean, arguments.drive));
+  CARMAP_RETURN_IF_ERROR(CheckHoldsLandmarks(run, arguments.drive));
   return WriteFileAtomically(arguments.out, *bytes);
 }
 
 absl::Status WriteFullMap(const Run& run, DriveId id, const Arguments& arguments) {
-  CARMAP_RETURN_IF_ERROR(CheckHoldsLandmarks(run.stripped.lean, arguments.drive));
+  CARMAP_RETURN_IF_ERROR(CheckHoldsLandmarks(run, arguments.drive));
   return WriteFileAtomically(arguments.full_map,
                              EncodeFullMap(FullMapOf(run.mapped.map, {id, run.mapped.rig})));
 }
@@ -135,7 +146,7 @@ absl::StatusOr<Run> MapAndWrite(KittiDrive& drive, const Arguments& arguments,
     CARMAP_ASSIGN_OR_RETURN(truth_origin, ReadWorldOrigin(arguments.drive));
   }
   CARMAP_RETURN_IF_ERROR(MapFrames(drive, arguments, run));
-  run.stripped = Strip(run.mapped.map, {drive.id(), run.mapped.rig});
+  run.stripped = Strip(run.mapped.map, {drive.id(), run.mapped.rig, run.mapped.health.faults()});
   if (run.mapped.georeference) ReplaceFixes(*run.mapped.georeference, run.stripped.lean);
   run.has_map = files.Write(arguments.out, [&] { return WriteMap(arguments, run); });
   run.wall_s = watch.ElapsedMs() * 1e-3;
@@ -226,6 +237,8 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const Arguments& ar
                                  {"no_keyframe_features", composition.no_keyframe_features},
                                  {"lean", composition.lean}};
   report["disparity_bias_px"] = {bias.x(), bias.y(), bias.z()};
+  report["health"] = ToJson(run.mapped.health);
+  report["misalignment_undone"] = ToJson(run.undone);
   report["lost_frames"] = ToJson(run.mapped.lost_frames);
   if (!run.mapped.failure.empty()) report["failure"] = run.mapped.failure;
   for (const MapPart& part : run.mapped.parts) {
@@ -294,6 +307,8 @@ void PrintSummary(const Run& run, size_t frames, const Arguments& arguments) {
     fmt::print("parts         {}, that only the vehicle's speed connects\n",
                run.mapped.parts.size());
   }
+  PrintUndone(run.undone);
+  PrintHealth(run.mapped.health);
   if (!run.evaluation) return;
   if (run.evaluation->ate) {
     fmt::print("ground truth  absolute error {:.3f} m (RMSE)", run.evaluation->ate->rmse_m);
@@ -323,12 +338,13 @@ void WriteOthers(const Run& run, const KittiDrive& drive, const Arguments& argum
 
 /// Whether nothing of what was asked for is missing; says on standard error what is.
 bool CheckComplete(const Run& run, const Arguments& arguments, const OutputFiles& files) {
+  const bool is_sound = CheckSound(run.mapped.health.suspicions, arguments.drive);
   PrintLostFrames(arguments.drive, run.mapped.lost_frames);
   const bool is_whole = CheckWhole(run.mapped.failure, arguments.drive);
   const bool is_filtered = CheckLabelling(run.mapped.labelling, arguments.segmenter,
                                           "the map may hold what was parked or moved");
   const bool is_written = files.Finish();
-  return is_whole && is_filtered && is_written && run.mapped.lost_frames.empty();
+  return is_whole && is_filtered && is_sound && is_written && run.mapped.lost_frames.empty();
 }
 
 absl::StatusOr<ExitCode> RunMap(const Arguments& arguments) {
@@ -419,6 +435,13 @@ costs no other, and lines say which were written and which not. A map without a 
 written, and replaces none. Where the vehicle was blind for long and what it saw after is not in
 the map, a new part of the map begins, put where its speed led to; the report lists the parts.
 
+The line and the report's object `health` tell what the drive shows of its own soundness: whether
+rows of the two images meet, whether they are of one moment (every tenth pair is looked at, as by
+`carmap check`), the share of features with depth and of landmarks nearer than 40 baselines, and the
+largest acceleration. What contradicts a sound rig or a vehicle is named with its remedy and listed
+under `suspect`; the map says so too (`carmap info`), and `stitch` takes no suspect drive unless told
+to. A right camera that is turned by less than 0.7 degrees is straightened by what the images show.
+
 With a segmenter the map holds only what stays (the paper's dynamic object filter): each keyframe
 votes on the landmarks that it sees, its labels coming two keyframes late, and what two in three call
 non-static holds no pose and is left out of the map.
@@ -436,8 +459,8 @@ Examples:
   carmap map kitti06_000-050 --first 18 --last 50 --out part.cmap --report part.json
 
 Exit codes: 0 done, 1 error (no map is written, unless only standard output cannot be), 2 wrong
-usage, 3 map written but frames were lost, the segmenter failed, or another file could not be
-written)",
+usage, 3 map written but frames were lost, the drive is suspect, the segmenter failed, or another
+file could not be written)",
       kSegmenterHelp));
   command->callback([arguments, &chosen] { chosen = [arguments] { return RunMap(*arguments); }; });
 }

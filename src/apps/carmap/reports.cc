@@ -48,18 +48,44 @@ nlohmann::ordered_json ToJson(const std::vector<LostFrame>& lost_frames) {
   return list;
 }
 
+namespace {
+
+/// Frames one after the other that were lost for the same reason.
+struct LostRange {
+  uint32_t first_index = 0, last_index = 0;
+  std::string reason;
+};
+
+std::vector<LostRange> RangesOf(const std::vector<LostFrame>& lost_frames) {
+  std::vector<LostRange> ranges;
+  for (const LostFrame& frame : lost_frames) {
+    if (!ranges.empty() && ranges.back().last_index + 1 == frame.index &&
+        ranges.back().reason == frame.reason) {
+      ranges.back().last_index = frame.index;
+    } else {
+      ranges.push_back({frame.index, frame.index, frame.reason});
+    }
+  }
+  return ranges;
+}
+
+}  // namespace
+
 void PrintLostFrames(const std::string& drive, const std::vector<LostFrame>& lost_frames) {
   constexpr size_t kMaxLines = 10;
-  const size_t lines = std::min(kMaxLines, lost_frames.size());
-  for (size_t i = 0; i < lines; ++i) {
-    const std::string& reason = lost_frames[i].reason;
+  const std::vector<LostRange> ranges = RangesOf(lost_frames);
+  for (size_t i = 0; i < std::min(kMaxLines, ranges.size()); ++i) {
+    const auto& [first, last, reason] = ranges[i];
+    const std::string frames = first == last ? fmt::format("frame {} is", first)
+                                             : fmt::format("frames {} to {} are", first, last);
     const bool has_remedy = reason.find("; ") != std::string::npos;
-    PrintProblem(fmt::format("{}: frame {} is lost: {}{}", drive, lost_frames[i].index, reason,
-                             has_remedy ? "" : "; look at its images in image_0 and image_1"));
+    PrintProblem(
+        fmt::format("{}: {} lost: {}{}", drive, frames, reason,
+                    has_remedy ? "" : "; `carmap check` tells whether its images are sound"));
   }
-  if (lost_frames.size() > lines) {
-    PrintProblem(fmt::format("{}: {} lost besides; --report names each", drive,
-                             Count(lost_frames.size() - lines, "frame")));
+  if (ranges.size() > kMaxLines) {
+    PrintProblem(fmt::format("{}: {} lost in all; --report names each", drive,
+                             Count(lost_frames.size(), "frame")));
   }
 }
 

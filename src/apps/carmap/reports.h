@@ -32,7 +32,8 @@ std::string BytesText(double bytes);
 /// [{index reason}]
 nlohmann::ordered_json ToJson(const std::vector<LostFrame>& lost_frames);
 
-/// A line for each of the first ten on standard error, then how many more there are.
+/// A line for each of the first ten stretches lost for one reason on standard error, then how many
+/// there are in all.
 void PrintLostFrames(const std::string& drive, const std::vector<LostFrame>& lost_frames);
 
 /// Whether the whole drive was taken: `failure` is empty, or else said on standard error.

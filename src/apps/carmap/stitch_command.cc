@@ -21,6 +21,7 @@ namespace {
 struct Arguments {
   std::string base, segment, out, report;
   std::string matching = "position";
+  bool accept_suspect = false;
 };
 
 nlohmann::ordered_json SizeOf(const LeanMap& map, size_t bytes) {
@@ -46,6 +47,19 @@ nlohmann::ordered_json ToJson(const StitchReport& report) {
             {"rotation_xyzw", {q.x(), q.y(), q.z(), q.w()}}}}};
 }
 
+/// What a suspect drive mapped would spoil a good map.
+absl::Status CheckSound(const LeanMap& segment, const Arguments& arguments) {
+  if (arguments.accept_suspect) return absl::OkStatus();
+  for (const LeanDrive& drive : segment.drives) {
+    if (drive.faults.none()) continue;
+    return absl::FailedPreconditionError(fmt::format(
+        "{}: its drive {:016x} is suspect: {}; mend the drive and map it again, or take it as it "
+        "is with --accept-suspect",
+        arguments.segment, drive.id.value, NamesOf(drive.faults)));
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
   const Stopwatch watch;
   // The new map may take the base map's name: it replaces the file at once or not at all.
@@ -57,6 +71,7 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
   CARMAP_ASSIGN_OR_RETURN(const std::string segment_bytes,
                           ReadFile(arguments.segment, kMaxLeanFileBytes));
   CARMAP_ASSIGN_OR_RETURN(const LeanMap segment, DecodeLeanMap(segment_bytes, arguments.segment));
+  CARMAP_RETURN_IF_ERROR(CheckSound(segment, arguments));
 
   StitchOptions options;
   options.overlap.by_appearance = arguments.matching == "appearance";
@@ -115,10 +130,12 @@ void AddStitchCommand(CLI::App& app, Command& chosen) {
       ->add_option("--report", arguments->report,
                    "Write overlap, transform (m, quaternion) and sizes (bytes) as JSON")
       ->type_name("R.json");
+  command->add_flag("--accept-suspect", arguments->accept_suspect,
+                    "Take also the map of a drive that `carmap map` called suspect");
   command->footer(
       R"(The segment is found in the base map by what its keyframes see, moved rigidly to where it lies, and
 landmarks that both saw are kept once. Coordinates stay those of BASE. A segment that does not
-overlap is refused with the reason, and no file is written or changed.
+overlap, or whose drive is suspect, is refused with the reason, and no file is written or changed.
 
 Example:
   carmap stitch base.cmap segment.cmap --out road.cmap
