@@ -429,13 +429,17 @@ absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
                                                         {camera.width, camera.height}));
   const LocalizedDrive localized = LocalizeDrive(*drive, loaded, std::move(segmenter));
   OutputFiles files;
+  const bool is_found = localized.localized() > 0;
+  if (is_found) {
+    files.Write(arguments.trajectory,
+                [&] { return WriteTrajectory(arguments.trajectory, localized.trajectory); });
+    WritePictures(loaded, localized, evaluated, drive->truth(), arguments, files);
+  }
+  // After them, as its peak of memory is that of all of the work.
   files.Write(arguments.report, [&] {
     return WriteReport(arguments.report, ReportOf(loaded, localized, evaluated, drive->truth()));
   });
-  if (localized.localized() == 0) return NoFrameFound(localized, arguments);
-  files.Write(arguments.trajectory,
-              [&] { return WriteTrajectory(arguments.trajectory, localized.trajectory); });
-  WritePictures(loaded, localized, evaluated, drive->truth(), arguments, files);
+  if (!is_found) return NoFrameFound(localized, arguments);
   PrintSummary(loaded, localized, ErrorOf(localized, evaluated, drive->truth()));
   PrintNotFound(localized);
   return CheckComplete(localized, arguments, files) ? kSuccess : kIncomplete;

@@ -54,7 +54,7 @@ struct Run {
   bool has_map = false;  ///< that it is written
   size_t lean_bytes = 0;
   double path_length_m = 0;
-  double wall_s = 0, peak_rss_mb = 0;
+  double wall_s = 0;
   std::optional<TrajectoryEvaluation> evaluation;
   std::optional<Summary> georeferenced_error_m;
   size_t dropped_frames = 0;  ///< in a replay
@@ -150,7 +150,6 @@ absl::StatusOr<Run> MapAndWrite(KittiDrive& drive, const Arguments& arguments,
   if (run.mapped.georeference) ReplaceFixes(*run.mapped.georeference, run.stripped.lean);
   run.has_map = files.Write(arguments.out, [&] { return WriteMap(arguments, run); });
   run.wall_s = watch.ElapsedMs() * 1e-3;
-  run.peak_rss_mb = PeakMemoryMb();
   run.path_length_m = PathLengthM(run.mapped.trajectory);
   if (drive.truth().empty()) return run;
   // Of a range of which no frame has both poses there is nothing to evaluate.
@@ -225,7 +224,7 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const Arguments& ar
   report["path_length_m"] = run.path_length_m;
   report["lean_mb_per_km"] = Ratio(bytes * 1e-6, run.path_length_m * 1e-3);
   report["wall_s"] = run.wall_s;
-  report["peak_rss_mb"] = run.peak_rss_mb;
+  report["peak_rss_mb"] = PeakMemoryMb();
   report["frame_ms"] = ToJson(Summarize(run.mapped.frame_ms));
   report["stage_ms"] = MeanStageMs(run, frames);
   if (run.mapped.labelling) report["labelling"] = ToJson(*run.mapped.labelling, run.mapped.map);
@@ -332,8 +331,9 @@ void WriteOthers(const Run& run, const KittiDrive& drive, const Arguments& argum
   files.Write(arguments.full_map, [&] { return WriteFullMap(run, drive.id(), arguments); });
   files.Write(arguments.trajectory,
               [&] { return WriteTrajectory(arguments.trajectory, run.mapped.trajectory); });
-  files.Write(arguments.report, [&] { return WriteReportOf(run, drive.size(), arguments); });
   files.Write(arguments.picture, [&] { return WritePicture(run, drive.truth(), arguments); });
+  // Last, as its peak of memory is that of all of the work.
+  files.Write(arguments.report, [&] { return WriteReportOf(run, drive.size(), arguments); });
 }
 
 /// Whether nothing of what was asked for is missing; says on standard error what is.
@@ -425,8 +425,8 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
       R"(The map's frame is the left camera of the first frame: x right, y down, z forward, metres.
 
 The report's frame_ms is from images in memory to the frame's pose; stage_ms is the mean per frame
-of each stage (reading, tracking and mapping overlap unless --sequential); wall_s and peak_rss_mb
-(10^6 bytes) are up to the written map; composition_bytes compares the map with what it would take
+of each stage (reading, tracking and mapping overlap unless --sequential); wall_s is up to the written
+map, peak_rss_mb (10^6 bytes) of all of it; composition_bytes compares the map with what it would take
 with its index and the features of its keyframes.
 
 A frame that cannot be read or tracked is left out: a line says which and why, the map holds the

@@ -67,6 +67,7 @@ class DriveMapper::MappingStage {
     closer_.Finish(mapper_);
   }
   const LocalMapper& mapper() const { return mapper_; }
+  Map ReleaseMap() { return mapper_.ReleaseMap(); }
   const LoopCloser& closer() const { return closer_; }
 
  private:
@@ -268,12 +269,12 @@ absl::StatusOr<MappedDrive> DriveMapper::Finish() {
   for (const std::vector<KeyframeId>& part : ConnectedParts(mapper.map())) {
     result_.parts.push_back({part.front().index, part.size()});
   }
-  result_.map = mapper.map();
   result_.rig = mapper.rig();
   result_.loops = mapping_->closer().loops();
   result_.rejected_loop_keyframes = mapping_->closer().rejected_count();
   result_.georeference = mapping_->closer().georeference();
   for (const auto& [step, ms] : mapper.step_ms()) result_.stage_ms["map_" + step] = ms;
+  result_.map = mapping_->ReleaseMap();
   return std::move(result_);
 }
 

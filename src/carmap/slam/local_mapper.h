@@ -105,6 +105,8 @@ class LocalMapper {
   void Apply(const MapEdit& edit);
 
   const Map& map() const { return map_; }
+  /// Hands the map over. To be called last, once.
+  Map ReleaseMap() { return std::move(map_); }
   /// The rig with the disparity bias that the adjustments found.
   const StereoRig& rig() const { return rig_; }
   /// Time that was spent on the map by others.
