@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "carmap/sim/random.h"
+#include "carmap/base/random.h"
 
 namespace carmap {
 namespace {

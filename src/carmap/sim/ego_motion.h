@@ -8,10 +8,10 @@
 #include <vector>
 
 #include "carmap/geometry/rigid3.h"
-#include "carmap/sim/ground_map.h"
-#include "carmap/sim/renderer.h"
-#include "carmap/sim/route.h"
-#include "carmap/sim/traffic.h"
+#include "carmap/sim/render/renderer.h"
+#include "carmap/sim/road/ground_map.h"
+#include "carmap/sim/road/route.h"
+#include "carmap/sim/traffic/traffic.h"
 
 namespace carmap {
 

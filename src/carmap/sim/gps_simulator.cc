@@ -7,7 +7,7 @@
 #include <iterator>
 #include <optional>
 
-#include "carmap/sim/random.h"
+#include "carmap/base/random.h"
 
 namespace carmap {
 namespace {

@@ -8,10 +8,11 @@
 #include <map>
 #include <utility>
 
+#include "carmap/base/random.h"
 #include "carmap/base/status_macros.h"
 #include "carmap/sim/ego_motion.h"
-#include "carmap/sim/random.h"
-#include "carmap/sim/renderer.h"
+#include "carmap/sim/render/renderer.h"
+#include "carmap/sim/town/world_builder.h"
 
 namespace carmap {
 namespace {

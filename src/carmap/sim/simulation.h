@@ -16,13 +16,16 @@
 
 #include "carmap/dataset/trajectory.h"
 #include "carmap/geometry/camera.h"
-#include "carmap/sim/change.h"
 #include "carmap/sim/gps_simulator.h"
-#include "carmap/sim/light.h"
-#include "carmap/sim/renderer.h"
-#include "carmap/sim/sensor.h"
-#include "carmap/sim/traffic.h"
-#include "carmap/sim/world_builder.h"
+#include "carmap/sim/render/light.h"
+#include "carmap/sim/render/renderer.h"
+#include "carmap/sim/render/sensor.h"
+#include "carmap/sim/road/route.h"
+#include "carmap/sim/road/route_shapes.h"
+#include "carmap/sim/road/scene.h"
+#include "carmap/sim/town/change.h"
+#include "carmap/sim/town/world.h"
+#include "carmap/sim/traffic/traffic.h"
 
 namespace carmap {
 
