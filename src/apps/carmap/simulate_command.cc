@@ -178,6 +178,17 @@ absl::StatusOr<ExitCode> RunSimulate(const Arguments& arguments) {
   return kSuccess;
 }
 
+/// "suburb 0 to 1, in reverse 0 to 1; …"
+std::string LanesText() {
+  std::vector<std::string> scenes;
+  for (const auto& [name, scene] : kScenes) {
+    const LaneRange lanes = LanesOf(scene, false), in_reverse = LanesOf(scene, true);
+    scenes.push_back(fmt::format("{} {} to {}, in reverse {} to {}", name, lanes.first, lanes.last,
+                                 in_reverse.first, in_reverse.last));
+  }
+  return fmt::format("{}", fmt::join(scenes, "; "));
+}
+
 template <typename Enum>
 CLI::IsMember OneOf(const Names<Enum>& names) {
   std::vector<std::string> words;
@@ -229,7 +240,7 @@ void AddSimulateCommand(CLI::App& app, Command& chosen) {
   command->add_option("--size", a.size, "Image size in pixels (1241x376)")->type_name("WxH");
   command
       ->add_option("--lane", a.drive.lane,
-                   "Lanes to the left of the usual one (0); negative: to the right")
+                   "Lanes to the left of the usual one (0); negative: to the right. " + LanesText())
       ->type_name("N");
   command
       ->add_option("--speed", a.drive.speed_mps,

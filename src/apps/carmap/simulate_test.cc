@@ -164,12 +164,24 @@ TEST_F(SimulateTest, RefusesWhatCannotBe) {
   ExpectRefused({"--out", "x", "--scene", "suburb", "--size", "9x9"}, "width 9 is not between");
   ExpectRefused({"--out", "x", "--scene", "suburb", "--length", "1e9"}, "length");
   ExpectRefused(With(Small("x"), {"--lane", "9"}), "lane 9 is not between");
+  ExpectRefused({"--out", "x", "--scene", "freeway", "--lane", "3"},
+                "lane 3 is not between -1 and 2");
+  ExpectRefused({"--out", "x", "--scene", "freeway", "--reverse", "--lane", "-1"},
+                "lane -1 is not between 0 and 3");
   ExpectRefused(With(Small("x"), {"--speed", "-3"}), "speed -3 is not between");
   ExpectRefused(With(Small("x"), {"--path", "nowhere.txt"}), "nowhere.txt: no such file");
   ExpectRefused(With(Small("x"), {"--change", "nothing.json"}), "nothing.json: no such file");
   WriteText("broken.json", "{\"changes\": [{\"what\": \"eaten\"}]}");
   ExpectRefused(With(Small("x"), {"--change", "broken.json"}), "broken.json");
   EXPECT_FALSE(fs::exists(root_ / "x"));
+}
+
+TEST_F(SimulateTest, HelpSaysWhichLanesThereAre) {
+  const Result result = Simulate({"--help"});
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_THAT(result.out, AllOf(HasSubstr("suburb 0 to 1, in reverse 0 to 1"),
+                                HasSubstr("downtown 0 to 1, in reverse 0 to 1"),
+                                HasSubstr("freeway -1 to 2, in reverse 0 to 3")));
 }
 
 TEST_F(SimulateTest, RefusesPathsThatNoCarCanDrive) {

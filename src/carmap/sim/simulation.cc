@@ -48,6 +48,8 @@ absl::Status CheckOptions(const WorldOptions& world, const DriveOptions& drive) 
   CARMAP_RETURN_IF_ERROR(CheckRange("height", drive.height, 32, 4096));
   CARMAP_RETURN_IF_ERROR(CheckRange("frame rate", drive.frame_rate_hz, 1.0, 100.0));
   CARMAP_RETURN_IF_ERROR(CheckRange("GPS rate", drive.gps_rate_hz, 1.0, 10.0));
+  const LaneRange lanes = LanesOf(world.scene, drive.reverse);
+  CARMAP_RETURN_IF_ERROR(CheckRange("lane", drive.lane, lanes.first, lanes.last));
   if (drive.frames) {
     CARMAP_RETURN_IF_ERROR(
         CheckRange("number of frames", *drive.frames, size_t{1}, size_t{100'000}));
@@ -58,18 +60,10 @@ absl::Status CheckOptions(const WorldOptions& world, const DriveOptions& drive) 
   return absl::OkStatus();
 }
 
-/// Metres to the left of the route, whichever way it is driven. On a road without a median the
-/// oncoming lanes may be used too.
-absl::StatusOr<double> LeftOfRoute(const DriveOptions& drive, const RoadProfile& profile) {
-  const bool divided = profile.last_lane < profile.first_oncoming;
-  const int rightmost = drive.reverse ? profile.last_oncoming : profile.first_lane;
-  const int own = drive.reverse ? rightmost : 0;
-  const int leftmost = drive.reverse ? (divided ? profile.first_oncoming : profile.first_lane)
-                                     : (divided ? profile.last_lane : profile.last_oncoming);
-  const int to_left = drive.reverse ? -1 : 1;
-  CARMAP_RETURN_IF_ERROR(
-      CheckRange("lane", drive.lane, to_left * (rightmost - own), to_left * (leftmost - own)));
-  return (own + to_left * drive.lane) * profile.lane_width_m;
+/// Metres to the left of the route, whichever way it is driven.
+double LeftOfRoute(const DriveOptions& drive, const RoadProfile& profile) {
+  const int lane = drive.reverse ? profile.last_oncoming - drive.lane : drive.lane;
+  return lane * profile.lane_width_m;
 }
 
 /// Where along the route the recorded frames were; standing still stays standing still.
@@ -137,6 +131,14 @@ std::array<SimulatedCamera, 2> DrawCameras(const DriveOptions& drive) {
 
 }  // namespace
 
+// On a road without a median the oncoming lanes may be used too.
+LaneRange LanesOf(Scene scene, bool reverse) {
+  const RoadProfile profile = ProfileOf(scene);
+  const bool divided = profile.last_lane < profile.first_oncoming;
+  if (!reverse) return {profile.first_lane, divided ? profile.last_lane : profile.last_oncoming};
+  return {0, profile.last_oncoming - (divided ? profile.first_oncoming : profile.first_lane)};
+}
+
 StereoRig SimulatedRig(int width, int height) {
   const double focal_px = 718.856 * width / 1241;
   // KITTI's principal point lies a little above the middle.
@@ -184,7 +186,6 @@ absl::StatusOr<std::unique_ptr<Simulation>> Simulation::Create(
     const std::optional<Trajectory>& recorded, const std::vector<Change>& changes) {
   CARMAP_RETURN_IF_ERROR(CheckOptions(world_options, drive));
   const RoadProfile profile = ProfileOf(world_options.scene);
-  CARMAP_ASSIGN_OR_RETURN(const double left_m, LeftOfRoute(drive, profile));
   CARMAP_ASSIGN_OR_RETURN(PlannedWorld planned, Plan(world_options, recorded));
   CARMAP_RETURN_IF_ERROR(ApplyChanges(changes, planned.world));
   const std::vector<double> along = PlanDrive(planned, drive, profile.speed_mps);
@@ -192,7 +193,7 @@ absl::StatusOr<std::unique_ptr<Simulation>> Simulation::Create(
   const auto world = std::make_shared<const World>(std::move(planned.world));
   EgoMotionOptions ego_options;
   ego_options.frame_rate_hz = drive.frame_rate_hz;
-  ego_options.left_m = left_m;
+  ego_options.left_m = LeftOfRoute(drive, profile);
   ego_options.reverse = drive.reverse;
   ego_options.road_seed = HashKeys(world_options.seed, static_cast<uint64_t>(drive.lane + 100));
   auto impl = std::unique_ptr<Impl>(

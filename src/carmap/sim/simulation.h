@@ -54,6 +54,12 @@ struct DriveOptions {
   double gps_rate_hz = 10;
 };
 
+/// Lanes that a drive may choose, DriveOptions::lane, from right to left.
+struct LaneRange {
+  int first = 0, last = 0;
+};
+LaneRange LanesOf(Scene scene, bool reverse);
+
 /// A left or right camera: what its makers and its calibration left to be wished.
 struct SimulatedCamera {
   RectificationResidual residual;
