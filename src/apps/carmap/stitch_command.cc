@@ -42,6 +42,7 @@ nlohmann::ordered_json ToJson(const StitchReport& report) {
           {"inliers", report.inliers},
           {"duplicates_removed", report.duplicates_removed},
           {"median_distance_m", report.median_distance_m},
+          {"largest_misfit_m", report.largest_misfit_m},
           {"base_from_segment",
            {{"translation_m", {t.x(), t.y(), t.z()}},
             {"rotation_xyzw", {q.x(), q.y(), q.z(), q.w()}}}}};
@@ -99,6 +100,9 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
   fmt::print("overlap       {}, {} in both maps, {:.3f} m apart in the median\n",
              Count(found.segment_keyframes_overlapping, "keyframe"),
              Count(found.inliers, "landmark"), found.median_distance_m);
+  fmt::print(
+      "misfit        {:.2f} m at most, of keyframes from where the base's landmarks see them\n",
+      found.largest_misfit_m);
   fmt::print("landmarks     {} + {} - {} duplicates = {}\n", base.landmarks.size(),
              segment.landmarks.size(), found.duplicates_removed, stitched->map.landmarks.size());
   fmt::print("map           {}, {} (base {}, segment {})\n", arguments.out,

@@ -92,22 +92,8 @@ TEST_F(PlaceSearchTest, TakesAFixThatIsRightWrongOrOfAnotherTown) {
   }
 }
 
-/// The same facades every `period_m`.
-Street RepeatedStreet(double period_m, double length_m) {
-  Street street = MakeStreet(8, period_m);
-  const size_t corners = street.corners.size();
-  for (double z = period_m; z < length_m; z += period_m) {
-    for (size_t i = 0; i < corners; ++i) {
-      Street::Corner copy = street.corners[i];
-      copy.p_in_world.z() += z;
-      street.corners.push_back(copy);
-    }
-  }
-  return street;
-}
-
 TEST(PlaceSearch, TellsOfAllPlacesThatExplainAFrame) {
-  const Street street = RepeatedStreet(40, 160);
+  const Street street = WithRepeatedFacades(MakeStreet(8, 160), 0, 160, 40);
   const ReconstructedMap map =
       Reconstruct(MapStreet(street, {5}, kStreetRig, DriveAlong(0, 0, 100), kMapFromWorld));
   PlaceSearch search(map, TheVocabulary());
@@ -121,6 +107,34 @@ TEST(PlaceSearch, TellsOfAllPlacesThatExplainAFrame) {
     EXPECT_TRUE(is_told);
     for (const PlaceHypothesis& place : places) {  // the others are off by whole periods
       EXPECT_LT(std::abs(std::remainder(ErrorM(place, pose), 40)), 0.2);
+    }
+  }
+}
+
+TEST(PlaceSearch, FindsTheRightOneOfHousesOfOneKind) {
+  for (const double period_m : {4.0, 30.0}) {
+    const Street street = WithRepeatedFacades(MakeStreet(8, 200), 0, 200, period_m, 0.4);
+    const ReconstructedMap map =
+        Reconstruct(MapStreet(street, {5}, kStreetRig, DriveAlong(0, 0, 150), kMapFromWorld));
+    PlaceSearch search(map, TheVocabulary());
+    for (const Rigid3& pose : DriveAlong(1, 3, 140, 11)) {
+      search.Forget();
+      const auto places = SearchOnce(search, SeeStreet(street, kStreetRig, pose, kNoise));
+      ASSERT_FALSE(places.empty()) << period_m << " " << pose.translation.z();
+      EXPECT_LT(ErrorM(places[0], pose), 0.1) << period_m << " " << pose.translation.z();
+    }
+  }
+}
+
+TEST_F(PlaceSearchTest, FindsFramesInMapsOfAnotherScale) {
+  for (const double scale : {0.997, 1.001, 1.003}) {
+    const ReconstructedMap map = Reconstruct(Scaled(lean_, scale));
+    PlaceSearch search(map, TheVocabulary());
+    for (const Rigid3& pose : DriveAlong(0, 2, 200, 17)) {
+      const auto places = SearchOnce(search, SeeStreet(street_, kStreetRig, pose, kNoise));
+      ASSERT_FALSE(places.empty()) << scale;
+      const Eigen::Vector3d there = scale * (kMapFromWorld * pose).translation;
+      EXPECT_LT((places[0].camera_from_map.Inverse().translation - there).norm(), 0.1) << scale;
     }
   }
 }

@@ -59,6 +59,25 @@ inline Street MakeStreet(uint64_t seed, double length_m, double corners_per_m = 
   return street;
 }
 
+/// From `begin_m` to `end_m` each stretch of `period_m` shows the same façades as the first, but
+/// for a share of each that is its own.
+inline Street WithRepeatedFacades(const Street& street, double begin_m, double end_m,
+                                  double period_m, double own_share = 0) {
+  StreetRandom random(6);
+  Street repeated;
+  for (const Street::Corner& corner : street.corners) {
+    const double z = corner.p_in_world.z();
+    const bool is_own = z < begin_m || z >= end_m || random.Uniform(0, 1) < own_share;
+    if (is_own) repeated.corners.push_back(corner);
+    if (is_own || z >= begin_m + period_m) continue;
+    for (double shift_m = 0; z + shift_m < end_m; shift_m += period_m) {
+      repeated.corners.push_back(corner);
+      repeated.corners.back().p_in_world.z() += shift_m;
+    }
+  }
+  return repeated;
+}
+
 /// Poses every step_m along a lane (x of the camera) with a slight weave.
 inline std::vector<Rigid3> DriveAlong(double lane_m, double from_m, double to_m,
                                       double step_m = 1.5) {
@@ -128,17 +147,18 @@ inline Eigen::Vector3d MeasureAndTriangulate(const StereoRig& rig,
 }
 
 /// The lean map that a drive makes of the street: in a frame of its own, of corners that at least
-/// three of its keyframes see, placed where the nearest of these measures them.
+/// three of its keyframes see, placed where the nearest of these measures them. Its clock shows
+/// `start_s` at the first keyframe.
 inline LeanMap MapStreet(const Street& street, DriveId drive, const StereoRig& rig,
                          const std::vector<Rigid3>& world_from_camera, const Rigid3& map_from_world,
-                         const StreetNoise& noise = {}) {
+                         const StreetNoise& noise = {}, double start_s = 0) {
   StreetRandom random(drive.value);
   LeanMap map;
   map.drives = {{drive, rig}};
   for (uint32_t i = 0; i < world_from_camera.size(); ++i) {
     LeanKeyframe keyframe;
     keyframe.id = {drive, 3 * i};
-    keyframe.timestamp = Timestamp::FromSeconds(0.3 * i);
+    keyframe.timestamp = Timestamp::FromSeconds(start_s + 0.3 * i);
     keyframe.map_from_camera = map_from_world * world_from_camera[i];
     map.keyframes.push_back(keyframe);
   }
@@ -163,6 +183,13 @@ inline LeanMap MapStreet(const Street& street, DriveId drive, const StereoRig& r
     FlipBits(noise.descriptor_bits, random, landmark.descriptor);
     map.landmarks.push_back(landmark);
   }
+  return map;
+}
+
+/// The map of a drive that takes all lengths for `scale` times what they are.
+inline LeanMap Scaled(LeanMap map, double scale) {
+  for (LeanKeyframe& keyframe : map.keyframes) keyframe.map_from_camera.translation *= scale;
+  for (LeanLandmark& landmark : map.landmarks) landmark.position_in_map *= scale;
   return map;
 }
 

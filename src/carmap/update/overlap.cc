@@ -10,7 +10,7 @@
 namespace carmap {
 namespace {
 
-/// A keyframe of the segment that was found in the base map.
+/// A keyframe of the segment and a place of the base map where it fits.
 struct Located {
   uint32_t keyframe_idx = 0;
   size_t inliers = 0;
@@ -42,36 +42,46 @@ class KeyframeLocator {
                   const OverlapOptions& options)
       : segment_(segment),
         min_inliers_(options.min_inliers),
+        min_rival_share_(options.min_rival_share),
         search_(base, {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()},
                 options.place_search) {
     if (options.by_appearance) by_appearance_.emplace(base.snapshot, DefaultVocabulary());
   }
 
-  std::optional<Located> Locate(uint32_t keyframe_idx) {
+  /// All places that explain the keyframe about as well as the best: façades repeat.
+  std::vector<Located> Locate(uint32_t keyframe_idx) {
     const StereoRig& rig = RigOf(segment_, keyframe_idx);
     const std::vector<Feature> features = FeaturesOf(segment_, keyframe_idx);
     const SnapshotKeyframe& keyframe = segment_.snapshot.keyframes[keyframe_idx];
     if (by_appearance_) {
-      return LocatedAt(keyframe_idx, by_appearance_->Localize(features, rig));
+      const auto pose = by_appearance_->Localize(features, rig);
+      if (!pose) return {};
+      return LocatedAt(keyframe_idx, std::vector{*pose});
     }
     const FeatureGrid grid(features, rig.camera.width, rig.camera.height);
     search_.Forget();  // the keyframes are far from each other
-    const std::vector<PlaceHypothesis> places = search_.Search(grid, rig, keyframe.gps);
-    return LocatedAt(keyframe_idx, places.empty() ? std::nullopt : std::optional(places.front()));
+    return LocatedAt(keyframe_idx, search_.Search(grid, rig, keyframe.gps));
   }
 
  private:
+  /// `poses` by falling numbers of inliers.
   template <typename Pose>
-  std::optional<Located> LocatedAt(uint32_t keyframe_idx, const std::optional<Pose>& pose) const {
-    if (!pose || pose->inliers.size() < min_inliers_) return std::nullopt;
-    return Located{
-        keyframe_idx, pose->inliers.size(),
-        (segment_.snapshot.keyframes[keyframe_idx].map_from_camera * pose->camera_from_map)
-            .Inverse()};
+  std::vector<Located> LocatedAt(uint32_t keyframe_idx, const std::vector<Pose>& poses) const {
+    const Rigid3& segment_from_camera = segment_.snapshot.keyframes[keyframe_idx].map_from_camera;
+    std::vector<Located> located;
+    for (const Pose& pose : poses) {
+      const size_t inliers = pose.inliers.size();
+      const auto most = static_cast<double>(poses.front().inliers.size());
+      if (inliers < min_inliers_ || static_cast<double>(inliers) < min_rival_share_ * most) break;
+      located.push_back(
+          {keyframe_idx, inliers, (segment_from_camera * pose.camera_from_map).Inverse()});
+    }
+    return located;
   }
 
   const ReconstructedMap& segment_;
   const size_t min_inliers_;
+  const double min_rival_share_;
   PlaceSearch search_;
   std::optional<AppearanceLocalizer> by_appearance_;
 };
@@ -88,14 +98,17 @@ bool Agree(const Located& a, const Located& b, const ReconstructedMap& segment,
          RotationAngle(difference.rotation) <= options.agreement_rad;
 }
 
-/// The largest set that agrees with one of its members. Empty for no keyframes.
+/// The largest set of keyframes that agrees with one of its members, each at one place. Empty for
+/// no keyframes. The places of a keyframe follow one another.
 std::vector<size_t> LargestGroup(const std::vector<Located>& located,
                                  const ReconstructedMap& segment, const OverlapOptions& options) {
   std::vector<size_t> largest;
   for (const Located& center : located) {
     std::vector<size_t> group;
     for (size_t i = 0; i < located.size(); ++i) {
-      if (Agree(center, located[i], segment, options)) group.push_back(i);
+      const bool is_in =
+          !group.empty() && located[group.back()].keyframe_idx == located[i].keyframe_idx;
+      if (!is_in && Agree(center, located[i], segment, options)) group.push_back(i);
     }
     if (group.size() > largest.size()) largest = std::move(group);
   }
@@ -111,6 +124,17 @@ std::vector<Located> TakeOut(const std::vector<size_t>& group, std::vector<Locat
   }
   located = std::move(rest);
   return taken;
+}
+
+void CountVotes(std::vector<Located> located, const ReconstructedMap& segment,
+                const OverlapOptions& options, CoarseOverlap& overlap) {
+  const std::vector<Located> agreeing = TakeOut(LargestGroup(located, segment, options), located);
+  overlap.agreeing = agreeing.size();
+  overlap.dissenting = LargestGroup(located, segment, options).size();
+  overlap.base_from_segment =
+      std::max_element(agreeing.begin(), agreeing.end(), [](const Located& a, const Located& b) {
+        return a.inliers < b.inliers;
+      })->base_from_segment;
 }
 
 struct CountedPair {
@@ -143,31 +167,26 @@ std::vector<LandmarkPair> PairUp(std::vector<LandmarkPair> matches, size_t base_
 
 }  // namespace
 
+bool CoarseOverlap::IsAmbiguous(const OverlapOptions& options) const {
+  return static_cast<double>(dissenting) > options.max_dissent * static_cast<double>(agreeing);
+}
+
 CoarseOverlap FindOverlap(const ReconstructedMap& base, const ReconstructedMap& segment,
                           const OverlapOptions& options) {
   KeyframeLocator locator(base, segment, options);
   CoarseOverlap overlap;
   std::vector<Located> located;
-  std::vector<size_t> group;
   for (const uint32_t keyframe_idx :
        CoarseToFine(static_cast<uint32_t>(segment.snapshot.keyframes.size()))) {
     if (overlap.tried == options.max_tries) break;
     ++overlap.tried;
-    const auto found = locator.Locate(keyframe_idx);
-    if (!found) continue;
-    located.push_back(*found);
-    group = LargestGroup(located, segment, options);
-    if (group.size() >= options.enough_keyframes) break;
-  }
-  overlap.found = located.size();
-  const std::vector<Located> agreeing = TakeOut(group, located);
-  overlap.agreeing = agreeing.size();
-  overlap.dissenting = LargestGroup(located, segment, options).size();
-  if (!agreeing.empty()) {
-    overlap.base_from_segment =
-        std::max_element(agreeing.begin(), agreeing.end(), [](const Located& a, const Located& b) {
-          return a.inliers < b.inliers;
-        })->base_from_segment;
+    const std::vector<Located> places = locator.Locate(keyframe_idx);
+    if (places.empty()) continue;
+    ++overlap.found;
+    located.insert(located.end(), places.begin(), places.end());
+    CountVotes(located, segment, options, overlap);
+    if (overlap.found == options.max_keyframes) break;
+    if (overlap.agreeing >= options.enough_keyframes && !overlap.IsAmbiguous(options)) break;
   }
   return overlap;
 }
@@ -188,6 +207,7 @@ FineOverlap MatchOverlap(const ReconstructedMap& base, const ReconstructedMap& s
                                         base_from_camera.Inverse(), options.tracking);
     if (!pose) continue;
     overlap.segment_keyframes.push_back(k);
+    overlap.positions_in_base.push_back(pose->camera_from_map.Inverse().translation);
     for (const auto& [landmark_idx, feature_idx] : pose->inliers) {
       matches.push_back({landmark_idx, segment.features_of_keyframe[k][feature_idx].landmark_idx});
     }

@@ -26,7 +26,14 @@ struct OverlapOptions {
   /// The baseline: keyframes are found by appearance alone (AppearanceLocalizer).
   bool by_appearance = false;
   size_t max_tries = 400;       ///< keyframes looked for in the base map, spread over the segment
-  size_t enough_keyframes = 8;  ///< that agree end the search
+  size_t enough_keyframes = 8;  ///< that agree end the search, if the place is clear ...
+  size_t max_keyframes = 40;    ///< ... and so many that were found at all, if it is not
+  /// Of a keyframe that fits several places: the inliers of one that counts, as a part of those of
+  /// the best.
+  double min_rival_share = 0.5;
+  /// Keyframes that fit another place, as a part of those that agree on the best one, from which on
+  /// the place is ambiguous.
+  double max_dissent = 0.5;
   double agreement_m = 1.5;  ///< between the transforms of two keyframes, at the first of them ...
   double agreement_drift = 0.02;  ///< ... and so much more a metre between the keyframes
   double agreement_rad = 0.05;
@@ -37,8 +44,10 @@ struct CoarseOverlap {
   size_t tried = 0;          ///< keyframes of the segment that were looked for
   size_t found = 0;          ///< that were found in the base map at all
   size_t agreeing = 0;       ///< of these, the largest number that agree on where the segment lies
-  size_t dissenting = 0;     ///< the largest number of the others that agree on another place
+  size_t dissenting = 0;     ///< the largest number that fit another place, also or only
   Rigid3 base_from_segment;  ///< of the agreeing keyframe with most matches; if agreeing > 0
+
+  bool IsAmbiguous(const OverlapOptions& options) const;
 };
 
 CoarseOverlap FindOverlap(const ReconstructedMap& base, const ReconstructedMap& segment,
@@ -46,8 +55,9 @@ CoarseOverlap FindOverlap(const ReconstructedMap& base, const ReconstructedMap& 
 
 /// Given about where the segment lies, all that both maps saw.
 struct FineOverlap {
-  std::vector<uint32_t> segment_keyframes;  ///< tracked in the base map, ascending
-  std::vector<LandmarkPair> pairs;          ///< ascending; each landmark in at most one
+  std::vector<uint32_t> segment_keyframes;         ///< tracked in the base map, ascending
+  std::vector<Eigen::Vector3d> positions_in_base;  ///< of these, by the base's landmarks
+  std::vector<LandmarkPair> pairs;                 ///< ascending; each landmark in at most one
 };
 
 /// Matches every keyframe of the segment that stands near the base map with the base's landmarks

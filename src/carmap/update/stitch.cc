@@ -39,8 +39,7 @@ absl::Status CheckCoarse(const CoarseOverlap& overlap, const StitchOptions& opti
         "and {} agree on a place, {} are needed; map further into road that the base map holds",
         overlap.tried, overlap.found, overlap.agreeing, options.min_keyframes));
   }
-  if (static_cast<double>(overlap.dissenting) >
-      options.max_dissent * static_cast<double>(overlap.agreeing)) {
+  if (overlap.IsAmbiguous(options.overlap)) {
     return absl::FailedPreconditionError(
         fmt::format("the segment fits the base map in two places: {} keyframes agree on one, {} on "
                     "another; map further into road that the base map holds, or with GPS",
@@ -59,9 +58,8 @@ absl::Status CheckFine(const FineOverlap& overlap, const PairAlignment* alignmen
   }
   return absl::FailedPreconditionError(fmt::format(
       "the segment hardly overlaps the base map: {} keyframes and {} landmarks match, of which {} "
-      "lie "
-      "in one place; {} keyframes, {} landmarks and {:.0f} % in one place are needed; map further "
-      "into road that the base map holds",
+      "lie in one place; {} keyframes, {} landmarks and {:.0f} % in one place are needed; map "
+      "further into road that the base map holds",
       keyframes, matches, inliers, options.min_keyframes, options.min_inliers,
       100 * options.min_inlier_ratio));
 }
@@ -73,6 +71,17 @@ struct Fit {
   Rigid3 base_from_segment;
   double median_distance_m = 0;
 };
+
+double LargestMisfit(const FineOverlap& overlap, const ReconstructedMap& segment,
+                     const Rigid3& base_from_segment) {
+  double largest_m = 0;
+  for (size_t i = 0; i < overlap.segment_keyframes.size(); ++i) {
+    const SnapshotKeyframe& keyframe = segment.snapshot.keyframes[overlap.segment_keyframes[i]];
+    const Eigen::Vector3d put = base_from_segment * keyframe.map_from_camera.translation;
+    largest_m = std::max(largest_m, (put - overlap.positions_in_base[i]).norm());
+  }
+  return largest_m;
+}
 
 /// FindTransform of Algorithm A.1: over the landmarks of all overlapping keyframes, where the paper
 /// takes the one keyframe with most matches.
@@ -195,15 +204,17 @@ absl::StatusOr<StitchedMap> Stitch(const LeanMap& base, const LeanMap& segment,
                           FindTransform(base_map, segment_map, coarse.base_from_segment, options));
 
   StitchedMap stitched{Merge(base, segment, fit), {}};
-  stitched.report = {.segment_keyframes_tried = coarse.tried,
-                     .segment_keyframes_found = coarse.found,
-                     .segment_keyframes_overlapping = fit.overlap.segment_keyframes.size(),
-                     .base_keyframes_overlapping = CountBaseKeyframes(base_map, fit.inliers),
-                     .matches = fit.overlap.pairs.size(),
-                     .inliers = fit.inliers.size(),
-                     .duplicates_removed = fit.inliers.size(),
-                     .median_distance_m = fit.median_distance_m,
-                     .base_from_segment = fit.base_from_segment};
+  stitched.report = {
+      .segment_keyframes_tried = coarse.tried,
+      .segment_keyframes_found = coarse.found,
+      .segment_keyframes_overlapping = fit.overlap.segment_keyframes.size(),
+      .base_keyframes_overlapping = CountBaseKeyframes(base_map, fit.inliers),
+      .matches = fit.overlap.pairs.size(),
+      .inliers = fit.inliers.size(),
+      .duplicates_removed = fit.inliers.size(),
+      .median_distance_m = fit.median_distance_m,
+      .largest_misfit_m = LargestMisfit(fit.overlap, segment_map, fit.base_from_segment),
+      .base_from_segment = fit.base_from_segment};
   CARMAP_RETURN_IF_ERROR(CheckConsistency(stitched.map));
   return stitched;
 }

@@ -18,9 +18,6 @@ struct StitchOptions {
   size_t min_keyframes = 3;       ///< of the segment, that must agree on where it lies
   int min_inliers = 50;           ///< landmarks of both maps that are the same
   double min_inlier_ratio = 0.3;  ///< of the matched landmarks
-  /// Keyframes that agree on another place, as a part of those that agree on the best one, from
-  /// which on the place is ambiguous.
-  double max_dissent = 0.5;
 };
 
 struct StitchReport {
@@ -32,6 +29,9 @@ struct StitchReport {
   size_t inliers = 0;                     ///< ... that lie in one place
   size_t duplicates_removed = 0;
   double median_distance_m = 0;  ///< of the inliers, between the maps after the transform
+  /// Between where an overlapping keyframe is put and where the base's landmarks see it, at most:
+  /// what a rigid move leaves of two maps that differ in scale or shape.
+  double largest_misfit_m = 0;
   Rigid3 base_from_segment;
 };
 

@@ -29,6 +29,29 @@ LeanMap Segment(const Street& street, double lane_m, double from_m, double to_m,
                    noise);
 }
 
+/// Between where the merged map has keyframes of the segment and where they are, at most.
+double LargestErrorM(const StitchedMap& stitched, const std::vector<Rigid3>& world_from_camera,
+                     DriveId segment = {900}) {
+  double largest_m = 0;
+  for (const LeanKeyframe& keyframe : stitched.map.keyframes) {
+    if (keyframe.id.drive != segment) continue;
+    const Rigid3 truth = kBaseFromWorld * world_from_camera[keyframe.id.index / 3];
+    largest_m =
+        std::max(largest_m, (keyframe.map_from_camera.translation - truth.translation).norm());
+  }
+  return largest_m;
+}
+
+/// With fixes that are off by `east_m`; without noise.
+LeanMap WithGps(LeanMap map, const Rigid3& map_from_world, double east_m = 0) {
+  const LocalEnu enu({49, 8.4, 110});
+  for (LeanKeyframe& keyframe : map.keyframes) {
+    const Eigen::Vector3d p = map_from_world.Inverse() * keyframe.map_from_camera.translation;
+    keyframe.gps = enu.ToGps({p.x() + east_m, p.z(), 0});
+  }
+  return map;
+}
+
 void ExpectIdentical(const LeanMap& a, const LeanMap& b) {
   ASSERT_EQ(a.keyframes.size(), b.keyframes.size());
   ASSERT_EQ(a.landmarks.size(), b.landmarks.size());
@@ -155,18 +178,10 @@ TEST(Stitch, RefusesASegmentThatDoesNotOverlap) {
 // A receiver may be wrong by any distance; what the segment shows tells where it lies.
 TEST(Stitch, JoinsASegmentWhoseGpsIsElsewhere) {
   const Street street = MakeStreet(3, 170);
-  LeanMap base = BaseMap(street), segment = Segment(street, 0, 45, 120);
-  const LocalEnu enu({49, 8.4, 110});
-  const auto give_gps = [&](LeanMap& map, const Rigid3& map_from_world, double east_m) {
-    for (LeanKeyframe& keyframe : map.keyframes) {
-      const Eigen::Vector3d p = map_from_world.Inverse() * keyframe.map_from_camera.translation;
-      keyframe.gps = enu.ToGps({p.x() + east_m, p.z(), 0});
-    }
-  };
-  give_gps(base, kBaseFromWorld, 0);
+  const LeanMap base = WithGps(BaseMap(street), kBaseFromWorld);
   for (const double east_m : {10.0, 60.0, 2000.0}) {
-    give_gps(segment, kSegmentFromWorld, east_m);
-    const auto stitched = Stitch(base, segment);
+    const auto stitched =
+        Stitch(base, WithGps(Segment(street, 0, 45, 120), kSegmentFromWorld, east_m));
     ASSERT_TRUE(stitched.ok()) << stitched.status();
     const Rigid3 error = kBaseFromSegment.Inverse() * stitched->report.base_from_segment;
     EXPECT_LT(error.translation.norm(), 0.05) << east_m;
@@ -202,6 +217,103 @@ TEST(Stitch, RefusesASegmentThatFitsInTwoPlaces) {
   const auto stitched = Stitch(base, Segment(street, 0, 0, 130));
   ASSERT_EQ(stitched.status().code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(stitched.status().message()), HasSubstr("in two places"));
+}
+
+struct Stretch {
+  double from_m, to_m;
+};
+
+LeanMap MapStretch(const Street& street, DriveId drive, const Stretch& stretch) {
+  return MapStreet(street, drive, kStreetRig, DriveAlong(0, stretch.from_m, stretch.to_m),
+                   drive == DriveId{500} ? kBaseFromWorld : kSegmentFromWorld, kNoise);
+}
+
+// Windows every 4 m, houses every 30 m, in the middle of a street; each period is the same but for
+// a share of its corners.
+TEST(Stitch, FindsTheRightOneOfHousesOfOneKind) {
+  for (const double period_m : {4.0, 30.0}) {
+    for (const double own_share : {0.2, 0.6}) {
+      const Street street = WithRepeatedFacades(MakeStreet(8, 280), 60, 180, period_m, own_share);
+      const LeanMap base = MapStretch(street, {500}, {0, 150});
+      for (const Stretch& stretch : {Stretch{90, 150}, {90, 230}}) {
+        const auto stitched = Stitch(base, MapStretch(street, {900}, stretch));
+        if (own_share < 0.5 && !stitched.ok()) {  // which may be too little to tell them apart
+          EXPECT_THAT(std::string(stitched.status().message()), HasSubstr("in two places"));
+          continue;
+        }
+        ASSERT_TRUE(stitched.ok()) << period_m << " " << own_share << " " << stitched.status();
+        EXPECT_LT(LargestErrorM(*stitched, DriveAlong(0, stretch.from_m, stretch.to_m)), 0.05)
+            << period_m << " " << own_share;
+      }
+    }
+  }
+}
+
+// Both hold the street beyond the houses at one end only, so that other periods fit as well.
+TEST(Stitch, RefusesHousesThatAreAllTheSame) {
+  for (const double period_m : {15.0, 30.0}) {
+    const Street street = WithRepeatedFacades(MakeStreet(8, 280), 60, 180, period_m);
+    const LeanMap base = MapStretch(street, {500}, {0, 150});
+    for (const Stretch& stretch : {Stretch{90, 150}, {90, 230}}) {
+      const auto stitched = Stitch(base, MapStretch(street, {900}, stretch));
+      ASSERT_EQ(stitched.status().code(), absl::StatusCode::kFailedPrecondition);
+      EXPECT_THAT(std::string(stitched.status().message()), HasSubstr("in two places"));
+    }
+  }
+}
+
+TEST(Stitch, KnowsHousesThatAreAllTheSameByWhatIsBeyondThemOrByGps) {
+  const Street street = WithRepeatedFacades(MakeStreet(8, 280), 60, 120, 30);
+  const LeanMap base = MapStretch(street, {500}, {0, 180});
+  const auto beyond = Stitch(base, MapStretch(street, {900}, {40, 200}));
+  ASSERT_TRUE(beyond.ok()) << beyond.status();
+  EXPECT_LT(LargestErrorM(*beyond, DriveAlong(0, 40, 200)), 0.05);
+
+  const Street twice = WithRepeatedFacades(MakeStreet(8, 320), 0, 320, 80);
+  const LeanMap base_of_twice = MapStretch(twice, {500}, {0, 180});
+  const LeanMap segment_of_twice = MapStretch(twice, {900}, {85, 250});
+  EXPECT_FALSE(Stitch(base_of_twice, segment_of_twice).ok());
+  const auto by_gps = Stitch(WithGps(base_of_twice, kBaseFromWorld),
+                             WithGps(segment_of_twice, kSegmentFromWorld, 5));
+  ASSERT_TRUE(by_gps.ok()) << by_gps.status();
+  EXPECT_LT(LargestErrorM(*by_gps, DriveAlong(0, 85, 250)), 0.05);
+}
+
+// A move that is rigid leaves at each end half of what the lengths differ by: the report says so,
+// or the segment is refused.
+TEST(Stitch, TellsWhatScalesThatDifferLeave) {
+  const Street street = MakeStreet(3, 300);
+  const LeanMap base = MapStretch(street, {500}, {0, 250});
+  for (const double difference : {0.0, 0.001, 0.003, -0.003}) {
+    for (const double length_m : {45.0, 100.0, 200.0}) {
+      const auto stitched =
+          Stitch(base, Scaled(MapStretch(street, {900}, {0, length_m}), 1 + difference));
+      const double least_error_m = std::abs(difference) * length_m / 2;
+      if (!stitched.ok()) {
+        EXPECT_EQ(stitched.status().code(), absl::StatusCode::kFailedPrecondition);
+        EXPECT_GT(least_error_m, 0.2) << "may be refused";
+        continue;
+      }
+      const double error_m = LargestErrorM(*stitched, DriveAlong(0, 0, length_m));
+      EXPECT_LT(error_m, 1.2 * least_error_m + 0.02) << difference << " " << length_m;
+      EXPECT_NEAR(stitched->report.largest_misfit_m, error_m, 0.1) << difference << " " << length_m;
+    }
+  }
+}
+
+TEST(Stitch, DoesNotMindClocksThatAreHoursApart) {
+  const Street street = MakeStreet(4, 170);
+  const LeanMap base = BaseMap(street, kNoise);
+  const auto same_clock = Stitch(base, Segment(street, 3, 45, 120, {900}, kNoise));
+  ASSERT_TRUE(same_clock.ok()) << same_clock.status();
+  for (const double start_s : {-3 * 3600.0, 5 * 3600.0, 1.7e9}) {
+    const auto stitched = Stitch(base, MapStreet(street, {900}, kStreetRig, DriveAlong(3, 45, 120),
+                                                 kSegmentFromWorld, kNoise, start_s));
+    ASSERT_TRUE(stitched.ok()) << stitched.status();
+    ExpectIdentical(stitched->map, same_clock->map);
+    EXPECT_EQ(stitched->map.keyframes.front().timestamp, base.keyframes.front().timestamp);
+    EXPECT_NEAR(stitched->map.keyframes.back().timestamp.seconds(), start_s + 50 * 0.3, 1e-3);
+  }
 }
 
 TEST(Stitch, RefusesADriveThatIsThereAlready) {
