@@ -89,6 +89,7 @@ absl::StatusOr<std::string> ReadFile(const fs::path& path, uint64_t max_bytes) {
     return absl::InvalidArgumentError(
         fmt::format("{}: is a folder; name a file in it", path.string()));
   }
+  constexpr size_t kPiece = 1 << 20;
   std::ifstream stream(path, std::ios::binary);
   if (!stream) {
     return absl::PermissionDeniedError(
@@ -96,7 +97,8 @@ absl::StatusOr<std::string> ReadFile(const fs::path& path, uint64_t max_bytes) {
   }
   // Read in pieces rather than trust the reported size: pipes have none.
   std::string bytes;
-  constexpr size_t kPiece = 1 << 20;
+  const uintmax_t reported_size = fs::file_size(path, error);
+  if (!error && reported_size <= max_bytes) bytes.reserve(reported_size + kPiece);
   while (stream) {
     const size_t size = bytes.size();
     bytes.resize(size + kPiece);

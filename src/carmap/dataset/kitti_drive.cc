@@ -125,38 +125,42 @@ int UsedBitsOf(const std::vector<fs::path>& paths) {
 using FrameFaults = std::map<uint32_t, absl::Status>;
 
 /// A frame with the time of the one before is at fault; it is put a nanosecond later, so that times
-/// ascend.
+/// ascend. Of more times than frames only the number is looked at.
 absl::StatusOr<std::vector<Timestamp>> ReadTimes(const fs::path& path, size_t frame_count,
                                                  FrameFaults& faults) {
   CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxTextBytes));
   std::vector<Timestamp> times;
   std::optional<Timestamp> before;
-  for (const TextLine& line : SplitIntoLines(text)) {
-    const std::optional<Timestamp> time = ParseSeconds(line.tokens.front());
-    if (!time || line.tokens.size() != 1) {
-      return Invalid(path,
-                     fmt::format("line {} is not one time in seconds; correct it", line.number));
+  size_t lines_read = 0;
+  TextLines lines(text);
+  while (const TextLine* line = lines.Next()) {
+    if (lines_read++ >= frame_count) continue;
+    const std::optional<Timestamp> time = ParseSeconds(line->tokens.front());
+    if (!time || line->tokens.size() != 1) {
+      return Invalid(path, fmt::format("line {} is not one time in seconds, within 3e9 s of 0; "
+                                       "correct it, or count the times from the drive's start",
+                                       line->number));
     }
     if (before && *time < *before) {
       return Invalid(path, fmt::format("line {}: the time {:.6f} s is not after the one before, "
                                        "{:.6f} s; times must ascend",
-                                       line.number, time->seconds(), before->seconds()));
+                                       line->number, time->seconds(), before->seconds()));
     }
     if (!times.empty() && *time <= times.back()) {
       faults[static_cast<uint32_t>(times.size())] =
           Invalid(path, fmt::format("line {}: the time {:.6f} s is that of the frame before; give "
                                     "each frame its own",
-                                    line.number, time->seconds()));
+                                    line->number, time->seconds()));
       times.push_back({times.back().ns + 1});
     } else {
       times.push_back(*time);
     }
     before = time;
   }
-  if (times.size() != frame_count) {
+  if (lines_read != frame_count) {
     return Invalid(path, fmt::format("has {} times but the drive has {} frames; write one time a "
                                      "frame",
-                                     times.size(), frame_count));
+                                     lines_read, frame_count));
   }
   return times;
 }
@@ -165,18 +169,22 @@ absl::StatusOr<std::vector<Timestamp>> ReadTimes(const fs::path& path, size_t fr
 
 using Projection = std::array<double, 12>;  // 3×4, row-major
 
-absl::StatusOr<Projection> FindProjection(const fs::path& path, const std::vector<TextLine>& lines,
+absl::StatusOr<Projection> FindProjection(const fs::path& path, std::string_view text,
                                           const std::string& key) {
-  const auto has_key = [&](const TextLine& line) { return line.tokens.front() == key + ":"; };
-  const auto line = std::find_if(lines.begin(), lines.end(), has_key);
-  if (line == lines.end()) {
+  std::optional<TextLine> found;
+  TextLines lines(text);
+  while (const TextLine* line = lines.Next()) {
+    if (line->tokens.front() != key + ":") continue;
+    if (found) {
+      return Invalid(path, fmt::format("the line '{}:' occurs twice; remove one", key));
+    }
+    found = *line;
+  }
+  if (!found) {
     return Invalid(path, fmt::format("the line '{}:' is missing; add it with 12 numbers", key));
   }
-  if (std::find_if(line + 1, lines.end(), has_key) != lines.end()) {
-    return Invalid(path, fmt::format("the line '{}:' occurs twice; remove one", key));
-  }
   const std::optional<std::vector<double>> numbers =
-      ParseNumbers({line->tokens.begin() + 1, line->tokens.end()});
+      ParseNumbers({found->tokens.begin() + 1, found->tokens.end()});
   Projection projection;
   if (!numbers || numbers->size() != projection.size()) {
     return Invalid(path, fmt::format("line '{}:' does not hold 12 numbers; correct it", key));
@@ -206,10 +214,9 @@ bool HaveEqualIntrinsics(const Projection& a, const Projection& b) {
 /// The rig but for the image size.
 absl::StatusOr<StereoRig> ReadCalibration(const fs::path& path, const Layout& layout) {
   CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxTextBytes));
-  const std::vector<TextLine> lines = SplitIntoLines(text);
   const std::string &p_left = layout.left_projection, &p_right = layout.right_projection;
-  CARMAP_ASSIGN_OR_RETURN(const Projection left, FindProjection(path, lines, p_left));
-  CARMAP_ASSIGN_OR_RETURN(const Projection right, FindProjection(path, lines, p_right));
+  CARMAP_ASSIGN_OR_RETURN(const Projection left, FindProjection(path, text, p_left));
+  CARMAP_ASSIGN_OR_RETURN(const Projection right, FindProjection(path, text, p_right));
   if (!IsRectified(left) || !IsRectified(right)) {
     return Invalid(path, fmt::format("{} and {} are not projections of rectified cameras (fx 0 cx "
                                      "tx, 0 fy cy ty, 0 0 1 tz); rectify the images and calibrate "
@@ -251,32 +258,37 @@ struct TimedFix {
   GpsFix fix;
 };
 
+constexpr size_t kMinGpsColumns = 4;
 constexpr int64_t kMaxFixDistanceNs = 150'000'000;
 
 /// Ascending by time. Rows of nan are moments without a fix and left out.
 absl::StatusOr<std::vector<TimedFix>> ReadFixes(const fs::path& path) {
   CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxTextBytes));
   std::vector<TimedFix> fixes;
-  for (const TextLine& line : SplitIntoLines(text)) {
-    const std::optional<Timestamp> time = ParseSeconds(line.tokens.front());
-    const std::optional<std::vector<double>> numbers = ParseNumbers(line.tokens);
-    if (!time || !numbers || numbers->size() < 4) {
-      return Invalid(path,
-                     fmt::format("line {} is not 'time latitude longitude altitude'; correct it",
-                                 line.number));
+  TextLines lines(text);
+  fixes.reserve(TextLines::MaxCount(text, kMinGpsColumns));
+  while (const TextLine* line = lines.Next()) {
+    const std::optional<Timestamp> time = ParseSeconds(line->tokens.front());
+    const std::optional<std::vector<double>> numbers = ParseNumbers(line->tokens);
+    if (!time || !numbers || numbers->size() < kMinGpsColumns) {
+      return Invalid(path, fmt::format("line {} is not 'time latitude longitude altitude', the "
+                                       "time within 3e9 s of 0; correct it",
+                                       line->number));
     }
     const GpsFix fix{(*numbers)[1], (*numbers)[2], (*numbers)[3]};
     if (std::isnan(fix.latitude_deg + fix.longitude_deg + fix.altitude_m)) continue;
     if (!IsValid(fix)) {
       return Invalid(path, fmt::format("line {} is not a place on the globe (degrees, degrees, "
                                        "metres); correct it",
-                                       line.number));
+                                       line->number));
     }
     fixes.push_back({*time, fix});
   }
   // Receivers log late rows out of turn.
-  std::stable_sort(fixes.begin(), fixes.end(),
-                   [](const TimedFix& a, const TimedFix& b) { return a.time < b.time; });
+  const auto is_before = [](const TimedFix& a, const TimedFix& b) { return a.time < b.time; };
+  if (!std::is_sorted(fixes.begin(), fixes.end(), is_before)) {
+    std::stable_sort(fixes.begin(), fixes.end(), is_before);
+  }
   return fixes;
 }
 

@@ -367,6 +367,8 @@ TEST_F(KittiDriveTest, RefusesBadTimes) {
   EXPECT_THAT(error_with("0\n0.1\nnan\n0.3\n"), IsClear("times.txt", "line 3"));
   EXPECT_THAT(error_with("0\n0.1\nsoon\n0.3\n"), HasSubstr("line 3"));
   EXPECT_THAT(error_with("0\n0.1 0.2\n0.3\n"), HasSubstr("line 2"));
+  EXPECT_THAT(error_with("-9.1e9\n0.1\n0.2\n0.3\n"), HasSubstr("times.txt: line 1"));
+  EXPECT_THAT(error_with("0\n0.1\n0.2\n9.19e9\n"), HasSubstr("count the times from"));
   EXPECT_THAT(error_with("0\n0.1\n0.2\n"), IsClear("times.txt", "3 times but the drive has 4"));
   EXPECT_THAT(error_with(""), IsClear("times.txt", "0 times"));
 }

@@ -11,14 +11,15 @@ namespace {
 constexpr std::string_view kSpaces = " \t\r\f\v";
 constexpr std::string_view kDigits = "0123456789";
 
-std::vector<std::string_view> SplitIntoTokens(std::string_view line) {
-  std::vector<std::string_view> tokens;
+void SplitIntoTokens(std::string_view line, std::vector<std::string_view>& tokens) {
+  tokens.clear();
   for (size_t begin = line.find_first_not_of(kSpaces); begin != std::string_view::npos;) {
-    const size_t end = std::min(line.find_first_of(kSpaces, begin), line.size());
+    const size_t end = tokens.size() + 1 < TextLines::kMaxTokens
+                           ? std::min(line.find_first_of(kSpaces, begin), line.size())
+                           : line.size();
     tokens.push_back(line.substr(begin, end - begin));
     begin = line.find_first_not_of(kSpaces, end);
   }
-  return tokens;
 }
 
 bool IsDigits(std::string_view text) {
@@ -33,20 +34,26 @@ int64_t ParseDigits(std::string_view digits) {
 
 }  // namespace
 
-std::vector<TextLine> SplitIntoLines(std::string_view text) {
+TextLines::TextLines(std::string_view text) : rest_(text) {
   constexpr std::string_view kByteOrderMark = "\xef\xbb\xbf";
-  if (text.starts_with(kByteOrderMark)) text.remove_prefix(kByteOrderMark.size());
-  std::vector<TextLine> lines;
-  size_t number = 0;
-  while (!text.empty()) {
-    ++number;
-    const size_t end = std::min(text.find('\n'), text.size());
-    const std::string_view line = text.substr(0, end);
-    text.remove_prefix(std::min(end + 1, text.size()));
-    std::vector<std::string_view> tokens = SplitIntoTokens(line.substr(0, line.find('#')));
-    if (!tokens.empty()) lines.push_back({number, std::move(tokens)});
+  if (rest_.starts_with(kByteOrderMark)) rest_.remove_prefix(kByteOrderMark.size());
+}
+
+size_t TextLines::MaxCount(std::string_view text, size_t columns) {
+  const auto ends = static_cast<size_t>(std::count(text.begin(), text.end(), '\n'));
+  return std::min(ends + 1, (text.size() + 1) / (2 * columns));
+}
+
+const TextLine* TextLines::Next() {
+  while (!rest_.empty()) {
+    ++line_.number;
+    const size_t end = std::min(rest_.find('\n'), rest_.size());
+    const std::string_view line = rest_.substr(0, end);
+    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    SplitIntoTokens(line.substr(0, line.find('#')), line_.tokens);
+    if (!line_.tokens.empty()) return &line_;
   }
-  return lines;
+  return nullptr;
 }
 
 std::optional<double> ParseNumber(std::string_view token) {
@@ -69,7 +76,7 @@ std::optional<std::vector<double>> ParseNumbers(const std::vector<std::string_vi
 }
 
 std::optional<Timestamp> ParseSeconds(std::string_view token) {
-  constexpr double kLimitSeconds = 9.2e9;  // int64 nanoseconds end a little later
+  constexpr double kLimitSeconds = static_cast<double>(Timestamp::kMaxNs) * 1e-9;
   const std::optional<double> seconds = ParseNumber(token);
   if (!seconds || !(std::abs(*seconds) <= kLimitSeconds)) return std::nullopt;
 

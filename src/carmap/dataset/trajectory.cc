@@ -67,7 +67,10 @@ absl::StatusOr<TimedPose> ParseTumLine(const fs::path& path, size_t line,
                                        const std::vector<double>& numbers) {
   const std::optional<Timestamp> timestamp = ParseSeconds(time_token);
   if (!timestamp) {
-    return LineError(path, line, fmt::format("'{}' is not a time in seconds", time_token));
+    return LineError(path, line,
+                     fmt::format("'{}' is not a time in seconds, within 3e9 s of 0; correct it, or "
+                                 "count the times from another moment",
+                                 time_token));
   }
   const Eigen::Vector3d position(numbers[1], numbers[2], numbers[3]);
   if (!IsPosition(position)) {
@@ -153,14 +156,16 @@ std::string ToKitti(const Trajectory& trajectory) {
 
 absl::StatusOr<Trajectory> ReadTrajectory(const fs::path& path) {
   CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxFileBytes));
-  const std::vector<TextLine> lines = SplitIntoLines(text);
+  TextLines lines(text);
   Trajectory trajectory;
-  trajectory.reserve(lines.size());
-  for (const TextLine& line : lines) {
-    CARMAP_RETURN_IF_ERROR(CheckColumns(path, line, lines.front().tokens.size()));
-    CARMAP_ASSIGN_OR_RETURN(const TimedPose pose, ParseLine(path, line));
+  trajectory.reserve(TextLines::MaxCount(text, kTumColumns));
+  size_t columns = 0;
+  while (const TextLine* line = lines.Next()) {
+    if (trajectory.empty()) columns = line->tokens.size();
+    CARMAP_RETURN_IF_ERROR(CheckColumns(path, *line, columns));
+    CARMAP_ASSIGN_OR_RETURN(const TimedPose pose, ParseLine(path, *line));
     if (pose.timestamp && !trajectory.empty() && trajectory.back().timestamp >= pose.timestamp) {
-      return LineError(path, line.number,
+      return LineError(path, line->number,
                        "its time is not after the line before; sort the lines by time");
     }
     trajectory.push_back(pose);

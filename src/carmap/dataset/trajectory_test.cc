@@ -123,9 +123,40 @@ TEST(TextTableTest, ParsesSecondsExactly) {
   EXPECT_EQ(ParseSeconds("7."), Timestamp{7'000'000'000});
   EXPECT_EQ(ParseSeconds("1.099999e-01"), Timestamp{109'999'900});
   EXPECT_EQ(ParseSeconds("0.00000000049999"), Timestamp{0});
-  for (const char* bad : {"nan", "inf", "1e300", "1,5", "", "-", ".", "1.5s"}) {
+  EXPECT_EQ(ParseSeconds("-3e9"), Timestamp{-Timestamp::kMaxNs});
+  for (const char* bad :
+       {"nan", "inf", "1e300", "1,5", "", "-", ".", "1.5s", "3000000000.5", "-9.1e9"}) {
     EXPECT_FALSE(ParseSeconds(bad)) << bad;
   }
+}
+
+TEST(TextTableTest, ReadsLineByLine) {
+  TextLines lines("\xef\xbb\xbf# none\n1 2\r\n\n 3 # 4\n5");
+  const TextLine* line = lines.Next();
+  ASSERT_NE(line, nullptr);
+  EXPECT_EQ(line->number, 2u);
+  EXPECT_THAT(line->tokens, ::testing::ElementsAre("1", "2"));
+  line = lines.Next();
+  EXPECT_EQ(line->number, 4u);
+  EXPECT_THAT(line->tokens, ::testing::ElementsAre("3"));
+  EXPECT_THAT(lines.Next()->tokens, ::testing::ElementsAre("5"));
+  EXPECT_EQ(lines.Next(), nullptr);
+}
+
+TEST(TextTableTest, ALineHasSoManyTokens) {
+  std::string text;
+  for (int i = 0; i < 1000; ++i) text += "7 ";
+  TextLines lines(text);
+  const TextLine* line = lines.Next();
+  ASSERT_EQ(line->tokens.size(), TextLines::kMaxTokens);
+  EXPECT_FALSE(ParseNumbers(line->tokens)) << "the last is all that follows";
+}
+
+TEST(TextTableTest, BoundsItsLines) {
+  EXPECT_EQ(TextLines::MaxCount("1 2\n3 4\n", 2), 2u);
+  EXPECT_EQ(TextLines::MaxCount("1 2\n3 4", 2), 2u);
+  EXPECT_EQ(TextLines::MaxCount(std::string(1000, '\n'), 4), 125u);
+  EXPECT_EQ(TextLines::MaxCount("", 4), 0u);
 }
 
 }  // namespace
