@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cmath>
 
 namespace carmap {
 
@@ -23,6 +24,13 @@ struct Rigid3 {
     return {(rotation * other.rotation).normalized(), rotation * other.translation + translation};
   }
 };
+
+/// Whether the numbers are finite and the rotation is one.
+inline bool IsRigid(const Rigid3& transform) {
+  constexpr double kUnitTolerance = 1e-6;
+  return transform.translation.allFinite() &&
+         std::abs(transform.rotation.norm() - 1) <= kUnitTolerance;
+}
 
 /// [w]x such that [w]x v = w × v.
 inline Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& w) {

@@ -23,13 +23,8 @@ bool IsUsable(const StereoRig& rig) {
   const Eigen::Vector3d& bias_px = rig.disparity_bias.coefficients_px;
   constexpr double kMaxBiasPx = 100;
   return is_finite && camera.fx > 0 && camera.fy > 0 && camera.width > 0 && camera.height > 0 &&
+         camera.width <= kMaxImageSidePx && camera.height <= kMaxImageSidePx &&
          rig.baseline_m > 0 && bias_px.allFinite() && bias_px.cwiseAbs().maxCoeff() <= kMaxBiasPx;
-}
-
-bool IsRigid(const Rigid3& transform) {
-  constexpr double kUnitTolerance = 1e-6;
-  return transform.translation.allFinite() &&
-         std::abs(transform.rotation.norm() - 1) <= kUnitTolerance;
 }
 
 bool HasDrive(const LeanMap& map, DriveId id) {
@@ -53,6 +48,9 @@ absl::Status CheckKeyframe(const LeanMap& map, size_t idx) {
   const LeanKeyframe& keyframe = map.keyframes[idx];
   if (!HasDrive(map, keyframe.id.drive)) {
     return Broken("keyframe", idx, "belongs to a drive that the map does not list");
+  }
+  if (!keyframe.timestamp.is_in_range()) {
+    return Broken("keyframe", idx, "has a time more than 95 years from 0");
   }
   if (!IsRigid(keyframe.map_from_camera)) {
     return Broken("keyframe", idx, "has a pose that is not finite or not a rotation");
@@ -86,6 +84,21 @@ absl::Status CheckLandmark(const LeanMap& map, size_t idx) {
   return absl::OkStatus();
 }
 
+/// A keyframe sees each of its landmarks as a feature of its own.
+absl::Status CheckLandmarksOfKeyframes(const LeanMap& map) {
+  std::vector<size_t> counts(map.keyframes.size(), 0);
+  for (const LeanLandmark& landmark : map.landmarks) {
+    for (const uint32_t keyframe_idx : landmark.keyframe_idxs) ++counts[keyframe_idx];
+  }
+  for (size_t i = 0; i < counts.size(); ++i) {
+    if (counts[i] <= kMaxLandmarksOfKeyframe) continue;
+    return Broken("keyframe", i,
+                  fmt::format("sees {} landmarks, more than the {} that an image can show",
+                              counts[i], kMaxLandmarksOfKeyframe));
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::Status CheckConsistency(const LeanMap& map) {
@@ -103,7 +116,7 @@ absl::Status CheckConsistency(const LeanMap& map) {
   for (size_t i = 0; i < map.landmarks.size(); ++i) {
     CARMAP_RETURN_IF_ERROR(CheckLandmark(map, i));
   }
-  return absl::OkStatus();
+  return CheckLandmarksOfKeyframes(map);
 }
 
 double PathLengthM(const LeanMap& map) {

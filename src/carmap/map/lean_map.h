@@ -7,6 +7,7 @@
 #include <absl/status/status.h>
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <vector>
@@ -20,6 +21,10 @@
 #include "carmap/map/drive_fault.h"
 
 namespace carmap {
+
+/// What no camera exceeds, so that no map costs more than its size to rebuild and to match.
+inline constexpr int kMaxImageSidePx = 1 << 14;
+inline constexpr size_t kMaxLandmarksOfKeyframe = 1 << 12;
 
 /// A drive that contributed, and the rig that it saw with.
 struct LeanDrive {
@@ -52,8 +57,8 @@ struct LeanMap {
   std::vector<LeanLandmark> landmarks;  ///< ascending by id
 };
 
-/// Checks every invariant written above, that numbers are finite and that ids refer to drives
-/// that are there. Errors: InvalidArgument, naming the first record that breaks one.
+/// Checks every invariant and limit written above, that numbers are finite and that ids refer to
+/// drives that are there. Errors: InvalidArgument, naming the first record that breaks one.
 absl::Status CheckConsistency(const LeanMap& map);
 
 /// Distance driven along the keyframes, metres, summed over drives.

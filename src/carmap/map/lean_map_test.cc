@@ -57,6 +57,23 @@ TEST(CheckConsistency, NamesTheFirstRecordThatBreaksAnInvariant) {
        [](LeanMap& m) { m.drives[0].rig.disparity_bias.coefficients_px.z() = kNan; }},
       {"drive 1 of the map has a stereo rig",
        [](LeanMap& m) { m.drives[1].rig.disparity_bias.coefficients_px.x() = -101; }},
+      {"drive 0 of the map has a stereo rig",
+       [](LeanMap& m) { m.drives[0].rig.camera.width = kMaxImageSidePx + 1; }},
+      {"drive 1 of the map has a stereo rig",
+       [](LeanMap& m) { m.drives[1].rig.camera.height = 300'000; }},
+      {"keyframe 2 of the map has a time",
+       [](LeanMap& m) { m.keyframes[2].timestamp.ns = Timestamp::kMaxNs + 1; }},
+      {"keyframe 0 of the map has a time",
+       [](LeanMap& m) { m.keyframes[0].timestamp.ns = std::numeric_limits<int64_t>::min(); }},
+      {"keyframe 3 of the map sees 4097 landmarks",
+       [](LeanMap& m) {
+         m.landmarks.resize(1);
+         for (uint32_t i = 1; i <= kMaxLandmarksOfKeyframe; ++i) {
+           m.landmarks.push_back(m.landmarks.front());
+           m.landmarks.back().id.index = i;
+           m.landmarks.back().keyframe_idxs = {3};
+         }
+       }},
       {"keyframe 1 of the map does not follow", [](LeanMap& m) { m.keyframes[1].id.index = 0; }},
       {"keyframe 3 of the map belongs to a drive",
        [](LeanMap& m) { m.keyframes[3].id.drive = {9}; }},

@@ -14,6 +14,14 @@ const Landmark* Map::Find(LandmarkId id) const {
   return found == landmarks_.end() ? nullptr : &found->second;
 }
 
+LandmarkId Map::Heir(LandmarkId id) const {
+  for (auto next = merged_into_.find(id); next != merged_into_.end();
+       next = merged_into_.find(id)) {
+    id = next->second;
+  }
+  return id;
+}
+
 const std::vector<std::optional<LandmarkId>>& Map::LandmarksOf(KeyframeId id) const {
   return landmarks_of_.at(id);
 }

@@ -25,6 +25,9 @@ class Map {
   const absl::btree_map<KeyframeId, Keyframe>& keyframes() const { return keyframes_; }
   const absl::btree_map<LandmarkId, Landmark>& landmarks() const { return landmarks_; }
 
+  /// The landmark that has taken over this one's observations, itself if none has.
+  LandmarkId Heir(LandmarkId id) const;
+
   /// Null where there is none. The pointer lives until the next edit.
   const Keyframe* Find(KeyframeId id) const;
   const Landmark* Find(LandmarkId id) const;
@@ -39,6 +42,7 @@ class Map {
   absl::btree_map<KeyframeId, Keyframe> keyframes_;
   absl::btree_map<LandmarkId, Landmark> landmarks_;
   absl::btree_map<KeyframeId, std::vector<std::optional<LandmarkId>>> landmarks_of_;
+  absl::btree_map<LandmarkId, LandmarkId> merged_into_;  ///< of those merged into another
 };
 
 /// Errors: Internal, naming the first record that breaks an invariant.

@@ -10,18 +10,23 @@ namespace carmap {
 /// The steps of Apply. Each says whether the record still fits the map.
 class EditApplication {
  public:
-  explicit EditApplication(Map& map) : map_(map) {}
+  EditApplication(uint64_t base_version, Map& map)
+      : base_version_(base_version), new_version_(map.version_ + 1), map_(map) {}
 
   bool AddKeyframe(const Keyframe& keyframe) {
-    if (!keyframe.features || map_.Find(keyframe.id)) return false;
+    if (!keyframe.features || !IsRigid(keyframe.map_from_camera) || map_.Find(keyframe.id)) {
+      return false;
+    }
     map_.landmarks_of_[keyframe.id].resize(keyframe.features->size());
-    map_.keyframes_.emplace(keyframe.id, keyframe);
+    map_.keyframes_.emplace(keyframe.id, keyframe).first->second.placed_in = new_version_;
     return true;
   }
 
   bool AddLandmark(const Landmark& landmark) {
-    if (map_.Find(landmark.id)) return false;
+    if (!landmark.position_in_map.allFinite() || map_.Find(landmark.id)) return false;
+    map_.merged_into_.erase(landmark.id);
     Landmark bare = landmark;
+    bare.placed_in = new_version_;
     bare.observations.clear();
     bare.votes = {};
     map_.landmarks_.emplace(landmark.id, std::move(bare));
@@ -34,7 +39,7 @@ class EditApplication {
   }
 
   bool AddObservation(const MapEdit::LandmarkObservation& added) {
-    const auto landmark = map_.landmarks_.find(added.landmark_id);
+    const auto landmark = map_.landmarks_.find(map_.Heir(added.landmark_id));
     const auto links = map_.landmarks_of_.find(added.observation.keyframe_id);
     if (landmark == map_.landmarks_.end() || links == map_.landmarks_of_.end()) return false;
     const int32_t feature_idx = added.observation.feature_idx;
@@ -44,14 +49,14 @@ class EditApplication {
     if (links->second[feature_idx] || Holds(observations, place, added.observation.keyframe_id)) {
       return false;
     }
-    links->second[feature_idx] = added.landmark_id;
+    links->second[feature_idx] = landmark->first;
     observations.insert(place, added.observation);
     Vote(added.observation, 1, landmark->second);
     return true;
   }
 
   bool RemoveObservation(const MapEdit::LandmarkObservation& removed) {
-    const auto landmark = map_.landmarks_.find(removed.landmark_id);
+    const auto landmark = map_.landmarks_.find(map_.Heir(removed.landmark_id));
     if (landmark == map_.landmarks_.end()) return false;
     auto& observations = landmark->second.observations;
     const auto place = FirstNotBefore(observations, removed.observation.keyframe_id);
@@ -59,7 +64,7 @@ class EditApplication {
     map_.landmarks_of_.at(place->keyframe_id)[place->feature_idx].reset();
     observations.erase(place);
     Vote(removed.observation, -1, landmark->second);
-    RemoveIfUnseen(removed.landmark_id);
+    RemoveIfUnseen(landmark->first);
     return true;
   }
 
@@ -79,25 +84,31 @@ class EditApplication {
   }
 
   bool MergeLandmarks(const MapEdit::Merge& merge) {
-    const Landmark* from = map_.Find(merge.from);
-    if (!from || !map_.Find(merge.into) || merge.from == merge.into) return false;
+    const LandmarkId from_id = map_.Heir(merge.from), into_id = map_.Heir(merge.into);
+    const Landmark* from = map_.Find(from_id);
+    if (!from || !map_.Find(into_id) || from_id == into_id) return false;
     const std::vector<Observation> observations = from->observations;
-    RemoveLandmark(merge.from);
-    for (const Observation& observation : observations) AddObservation({merge.into, observation});
+    RemoveLandmark(from_id);
+    map_.merged_into_[from_id] = into_id;
+    for (const Observation& observation : observations) AddObservation({into_id, observation});
     return true;
   }
 
   bool MoveKeyframe(const MapEdit::KeyframePose& pose) {
     const auto found = map_.keyframes_.find(pose.id);
-    if (found == map_.keyframes_.end()) return false;
+    if (found == map_.keyframes_.end() || !IsRigid(pose.map_from_camera)) return false;
+    if (WasPlacedSince(found->second.placed_in)) return false;
     found->second.map_from_camera = pose.map_from_camera;
+    found->second.placed_in = new_version_;
     return true;
   }
 
   bool MoveLandmark(const MapEdit::LandmarkPosition& moved) {
     const auto found = map_.landmarks_.find(moved.id);
-    if (found == map_.landmarks_.end()) return false;
+    if (found == map_.landmarks_.end() || !moved.position_in_map.allFinite()) return false;
+    if (WasPlacedSince(found->second.placed_in)) return false;
     found->second.position_in_map = moved.position_in_map;
+    found->second.placed_in = new_version_;
     return true;
   }
 
@@ -132,7 +143,7 @@ class EditApplication {
     return true;
   }
 
-  void CountVersion() { ++map_.version_; }
+  void CountVersion() { map_.version_ = new_version_; }
 
  private:
   using Observations = std::vector<Observation>;
@@ -150,12 +161,17 @@ class EditApplication {
     const auto& mobility = map_.keyframes_.at(observation.keyframe_id).mobility;
     if (mobility) landmark.votes.Add((*mobility)[observation.feature_idx], count);
   }
+  /// By another edit than this one.
+  bool WasPlacedSince(uint64_t placed_in) const {
+    return placed_in > base_version_ && placed_in != new_version_;
+  }
   void RemoveIfUnseen(LandmarkId id) {
     const auto found = map_.landmarks_.find(id);
     if (found != map_.landmarks_.end() && found->second.observations.empty())
       map_.landmarks_.erase(found);
   }
 
+  const uint64_t base_version_, new_version_;
   Map& map_;
 };
 
@@ -177,7 +193,7 @@ absl::StatusOr<size_t> Apply(const MapEdit& edit, Map& map) {
         "edit of version {} of a map that is at version {}", edit.base_version, map.version()));
   }
   using Application = EditApplication;
-  Application application(map);
+  Application application(edit.base_version, map);
   size_t left_out = 0;
   left_out += CountLeftOut(application, &Application::AddKeyframe, edit.added_keyframes);
   left_out += CountLeftOut(application, &Application::AddLandmark, edit.added_landmarks);

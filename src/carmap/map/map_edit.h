@@ -55,9 +55,11 @@ struct MapEdit {
 /// Applies the edit and returns how many of its records were left out. A landmark that loses its
 /// last observation goes too.
 ///
-/// An edit made against the present version leaves nothing out unless it contradicts itself. One
-/// made against an older version is rebased: what concerns records gone, or links taken, since then
-/// is left out. Errors: InvalidArgument, and an unchanged map, for an edit of a version yet to
+/// An edit made against the present version leaves nothing out unless it contradicts itself or has
+/// poses or positions that are not finite. One made against an older version is rebased: what
+/// concerns a landmark that was merged since goes to the one that it was merged into; what concerns
+/// records gone, links taken or places changed since is left out (PropagateEdit takes such moves
+/// along). Errors: InvalidArgument, and an unchanged map, for an edit of a version yet to
 /// come.
 absl::StatusOr<size_t> Apply(const MapEdit& edit, Map& map);
 

@@ -159,7 +159,7 @@ TEST(Apply, LeavesOutMergesWithItselfAndWithWhatIsGone) {
       LeftOut({.merges = {{Mark(10), Mark(10)}, {Mark(99), Mark(10)}, {Mark(10), Mark(99)}}}, map),
       3u);
   EXPECT_THAT(map.landmarks(), SizeIs(3));
-  // A chain ends in its last; what concerns those merged before it is left out.
+  // A chain ends in its last; 12 is in 10 already when it is to be merged once more.
   EXPECT_EQ(
       LeftOut({.merges = {{Mark(12), Mark(11)}, {Mark(11), Mark(10)}, {Mark(12), Mark(10)}}}, map),
       1u);
@@ -216,13 +216,61 @@ TEST(Apply, RefusesAnEditOfAVersionYetToCome) {
   EXPECT_THAT(map.landmarks(), SizeIs(3));
 }
 
-TEST(CheckConsistency, SeesPositionsThatAreNotFinite) {
+TEST(Apply, RefusesPlacesThatAreNotFinite) {
   Map map = MakeMap();
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  ASSERT_TRUE(Apply({.base_version = 1, .moved_landmarks = {{Mark(11), {0, nan, 0}}}}, map).ok());
-  const absl::Status status = CheckConsistency(map);
-  EXPECT_EQ(status.code(), absl::StatusCode::kInternal);
-  EXPECT_THAT(std::string(status.message()), ::testing::HasSubstr("landmark 11"));
+  const Rigid3 nowhere{Eigen::Quaterniond::Identity(), {0, nan, 0}},
+      no_rotation{Eigen::Quaterniond(0, 0, 0, 0), {0, 0, 0}};
+  Keyframe keyframe = MakeKeyframe(9);
+  keyframe.map_from_camera = nowhere;
+  Landmark landmark = MakeLandmark(20, {{Frame(1), 4}});
+  landmark.position_in_map.x() = std::numeric_limits<double>::infinity();
+  EXPECT_EQ(LeftOut({.added_keyframes = {keyframe},
+                     .added_landmarks = {landmark},
+                     .moved_keyframes = {{Frame(1), nowhere}, {Frame(2), no_rotation}},
+                     .moved_landmarks = {{Mark(11), {0, nan, 0}}}},
+                    map),
+            5u);
+  EXPECT_EQ(map.Find(Frame(9)), nullptr);
+  EXPECT_EQ(map.Find(Mark(20)), nullptr);
+  EXPECT_EQ(map.Find(Frame(1))->map_from_camera.translation, Eigen::Vector3d(0, 0, 0));
+  EXPECT_EQ(map.Find(Mark(11))->position_in_map, Eigen::Vector3d(0, 0, 0));
+}
+
+TEST(Apply, AMoveOfAnOlderVersionDoesNotOverwriteANewerOne) {
+  Map map = MakeMap();
+  const Rigid3 older{Eigen::Quaterniond::Identity(), {1, 0, 0}},
+      newer{Eigen::Quaterniond::Identity(), {2, 0, 0}};
+  const MapEdit stale{.base_version = map.version(),
+                      .moved_keyframes = {{Frame(1), older}, {Frame(2), older}},
+                      .moved_landmarks = {{Mark(10), {1, 1, 1}}, {Mark(11), {1, 1, 1}}}};
+  EXPECT_EQ(
+      LeftOut({.moved_keyframes = {{Frame(1), newer}}, .moved_landmarks = {{Mark(10), {2, 2, 2}}}},
+              map),
+      0u);
+  EXPECT_EQ(*Apply(stale, map), 2u);
+  EXPECT_EQ(map.Find(Frame(1))->map_from_camera.translation, newer.translation);
+  EXPECT_EQ(map.Find(Frame(2))->map_from_camera.translation, older.translation);
+  EXPECT_EQ(map.Find(Mark(10))->position_in_map, Eigen::Vector3d(2, 2, 2));
+  EXPECT_EQ(map.Find(Mark(11))->position_in_map, Eigen::Vector3d(1, 1, 1));
+}
+
+TEST(Apply, ObservationsFollowALandmarkThatWasMergedMeanwhile) {
+  Map map = MakeMap();
+  const MapEdit stale{.base_version = map.version(),
+                      .added_observations = {{Mark(12), {Frame(3), 3}}},
+                      .removed_observations = {{Mark(12), {Frame(1), 2}}}};
+  EXPECT_EQ(LeftOut({.merges = {{Mark(12), Mark(11)}}}, map), 0u);
+  EXPECT_EQ(LeftOut({.removed_observations = {{Mark(11), {Frame(3), 1}}},
+                     .merges = {{Mark(11), Mark(10)}}},
+                    map),
+            0u);
+  // 12 went to 11, which went to 10, which frame 1 saw already.
+  EXPECT_EQ(*Apply(stale, map), 1u);
+  EXPECT_TRUE(CheckConsistency(map).ok());
+  EXPECT_THAT(
+      map.Find(Mark(10))->observations,
+      ElementsAre(Observation{Frame(1), 0}, Observation{Frame(2), 0}, Observation{Frame(3), 3}));
 }
 
 /// Records drawn without regard for what the map holds.

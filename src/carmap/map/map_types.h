@@ -27,6 +27,7 @@ struct Keyframe {
   std::shared_ptr<const std::vector<Feature>> features;  ///< never null in a Map
   /// Of each feature (paper §3.3); null until the keyframe is labelled.
   std::shared_ptr<const std::vector<Mobility>> mobility;
+  uint64_t placed_in = 0;  ///< version of the Map that first had it at this pose
 };
 
 /// A landmark was seen as feature `feature_idx` of a keyframe.
@@ -43,6 +44,7 @@ struct Landmark {
   Descriptor descriptor;
   std::vector<Observation> observations;  ///< ascending by keyframe, one a keyframe
   MobilityVotes votes;                    ///< also of keyframes that were removed since
+  uint64_t placed_in = 0;                 ///< version of the Map that first had it at this position
 
   /// Of traffic, or parked (paper §3.3). It holds no pose and enters no lean map.
   bool is_non_static() const { return votes.Elected() == Mobility::kNonStatic; }

@@ -5,6 +5,7 @@
 
 #include <optional>
 #include <utility>
+#include <vector>
 
 namespace carmap {
 namespace {
@@ -31,9 +32,20 @@ const Rigid3* MoveOfNeighbour(const Moves& moves, KeyframeId id) {
   return after != moves.end() && after->first.drive == id.drive ? &after->second : nullptr;
 }
 
+template <typename Move>
+void EraseOutdated(const Map& map, uint64_t base_version, std::vector<Move>& moves) {
+  std::erase_if(moves, [&](const Move& move) {
+    const auto* record = map.Find(move.id);
+    return !record || record->placed_in > base_version;
+  });
+}
+
 }  // namespace
 
 MapEdit PropagateEdit(const Map& map, MapEdit edit) {
+  EraseOutdated(map, edit.base_version, edit.moved_keyframes);
+  EraseOutdated(map, edit.base_version, edit.moved_landmarks);
+  edit.base_version = map.version();
   const Moves given = MovesOf(map, edit);
   Moves moves = given;
   for (const auto& [id, keyframe] : map.keyframes()) {

@@ -65,7 +65,7 @@ void ExpectLandmarkMoved(const Map& before, const Map& after, uint32_t index, co
 
 TEST(PropagateEdit, MovesKeyframesAndLandmarksAsTheMovedOneBefore) {
   const Map before = MakeMap();
-  MapEdit edit;
+  MapEdit edit{.base_version = before.version()};
   for (const auto& [index, move] : {std::pair(20u, kMove), std::pair(30u, kSmallMove)}) {
     const KeyframeId id{kDrive, index};
     edit.moved_keyframes.push_back({id, move * before.Find(id)->map_from_camera});
@@ -81,13 +81,36 @@ TEST(PropagateEdit, MovesKeyframesAndLandmarksAsTheMovedOneBefore) {
 
 TEST(PropagateEdit, LeavesWhatTheEditMovesItselfAndOtherDrives) {
   const Map before = MakeMap();
-  MapEdit edit;
+  MapEdit edit{.base_version = before.version()};
   edit.moved_keyframes.push_back({{kDrive, 10}, kMove});
   edit.moved_landmarks.push_back({{kDrive, 20}, {1, 2, 3}});
   const Map after = Propagated(before, edit);
   EXPECT_EQ(after.Find(LandmarkId{kDrive, 20})->position_in_map, Eigen::Vector3d(1, 2, 3));
   EXPECT_EQ(after.Find(KeyframeId{kOtherDrive, 5})->map_from_camera.translation.z(), 0);
   EXPECT_EQ(after.Find(LandmarkId{kOtherDrive, 5})->position_in_map.z(), 1);
+}
+
+// What was improved since the edit was worked out keeps its new place among its neighbours.
+TEST(PropagateEdit, TakesAlongWhatMovedSinceTheEditsVersion) {
+  Map map = MakeMap();
+  MapEdit edit{.base_version = map.version()};
+  for (const uint32_t index : {20u, 30u}) {
+    const KeyframeId id{kDrive, index};
+    edit.moved_keyframes.push_back({id, kMove * map.Find(id)->map_from_camera});
+    edit.moved_landmarks.push_back({{kDrive, index}, kMove * Eigen::Vector3d(0, 0, index + 1.0)});
+  }
+  const Rigid3 improved{RotationExp({0, 0.01, 0}), {0.2, 0, 30}};
+  EXPECT_EQ(*Apply({.base_version = map.version(),
+                    .moved_keyframes = {{{kDrive, 30}, improved}},
+                    .moved_landmarks = {{{kDrive, 30}, {0.2, 0, 31}}}},
+                   map),
+            0u);
+  const Map before = map;
+  const Map after = Propagated(before, edit);
+  for (const uint32_t index : {20u, 30u, 40u}) {
+    ExpectMoved(before, after, index, kMove);
+    ExpectLandmarkMoved(before, after, index, kMove);
+  }
 }
 
 TEST(PropagateEdit, AnEditOfPosesErasedSinceMovesNothing) {
