@@ -40,15 +40,16 @@ class FeatureGrid {
   }
 
  private:
-  static constexpr int kCellPx = 16;
-
   int Column(double x_px) const {
-    return std::clamp(static_cast<int>(x_px / kCellPx), 0, columns_ - 1);
+    return static_cast<int>(std::clamp<double>(x_px * cells_per_px_, 0, columns_ - 1));
   }
-  int Row(double y_px) const { return std::clamp(static_cast<int>(y_px / kCellPx), 0, rows_ - 1); }
+  int Row(double y_px) const {
+    return static_cast<int>(std::clamp<double>(y_px * cells_per_px_, 0, rows_ - 1));
+  }
 
   const std::vector<Feature>* features_;
   int columns_, rows_;
+  double cells_per_px_;
   std::vector<uint32_t> cell_begin_;  ///< one more than cells: where each cell's features begin
   std::vector<uint32_t> feature_idxs_;
 };

@@ -64,5 +64,23 @@ TEST(FeatureGrid, HoldsNoFeaturesOrManyInOnePlace) {
   EXPECT_EQ(Near(FeatureGrid(same, kWidth, kHeight), 50, 60, 0.1).size(), 300u);
 }
 
+TEST(FeatureGrid, IsSmallWhateverTheImage) {
+  const std::vector<Feature> features = {{.x_px = 0, .y_px = 0}, {.x_px = 16'000, .y_px = 9'000}};
+  const FeatureGrid grid(features, 1 << 14, 1 << 14);
+  EXPECT_LE(grid.cell_begins().size(), (size_t{1} << 14) + 1);
+  std::vector<uint32_t> found;
+  grid.VisitNear(16'010, 9'010, 20, [&](uint32_t idx) { found.push_back(idx); });
+  EXPECT_EQ(found, std::vector<uint32_t>{1});
+}
+
+// A landmark beside the camera appears at no finite place.
+TEST(FeatureGrid, FindsNothingFarOutside) {
+  const std::vector<Feature> features = {{.x_px = 10, .y_px = 10}};
+  const FeatureGrid grid(features, 100, 100);
+  size_t count = 0;
+  grid.VisitNear(1e300, -1e300, 4, [&](uint32_t) { ++count; });
+  EXPECT_EQ(count, 0u);
+}
+
 }  // namespace
 }  // namespace carmap

@@ -1,6 +1,7 @@
 #include "carmap/index/kd_tree.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <nanoflann.hpp>
 #include <utility>
@@ -42,14 +43,60 @@ uint32_t AppendNode(const Tree::Node& node, uint32_t& node_count, KdTreeTables& 
   return number;
 }
 
+bool IsNearer(const Hit& a, const Hit& b) {
+  return std::pair(a.second, a.first) < std::pair(b.second, b.first);
+}
+
+/// The nearest points of a search, as nanoflann fills it; it ends after some leaves of the tree,
+/// since points can lie so that the nearest are only found by looking at all.
+class NearestHits {
+ public:
+  NearestHits(double squared_radius, size_t max_count)
+      : squared_radius_(squared_radius),
+        max_count_(max_count),
+        leaves_left_(kLeavesPerHit * max_count) {}
+
+  bool addPoint(double squared_distance, uint32_t idx) {
+    if (hits_.size() == max_count_) {
+      if (hits_.front().second <= squared_distance) return true;
+      std::pop_heap(hits_.begin(), hits_.end(), IsNearer);
+      hits_.pop_back();
+    }
+    hits_.emplace_back(idx, squared_distance);
+    std::push_heap(hits_.begin(), hits_.end(), IsNearer);
+    return true;
+  }
+  /// Below it nanoflann looks on. It asks once for each leaf and each branch.
+  double worstDist() {
+    if (leaves_left_ == 0) return -1;
+    --leaves_left_;
+    // A branch that begins as far away as the last of enough hits adds nothing.
+    return hits_.size() < max_count_ ? squared_radius_ : std::nextafter(hits_.front().second, -1);
+  }
+  bool full() const { return true; }
+  size_t size() const { return hits_.size(); }
+  std::vector<Hit> Take() { return std::move(hits_); }
+
+ private:
+  static constexpr size_t kLeavesPerHit = 16;
+
+  const double squared_radius_;
+  const size_t max_count_;
+  size_t leaves_left_;
+  std::vector<Hit> hits_;  ///< a heap, the farthest first
+};
+
 std::vector<uint32_t> NearestFirst(std::vector<Hit> hits) {
-  std::sort(hits.begin(), hits.end(), [](const Hit& a, const Hit& b) {
-    return std::pair(a.second, a.first) < std::pair(b.second, b.first);
-  });
+  std::sort(hits.begin(), hits.end(), IsNearer);
   std::vector<uint32_t> idxs;
   idxs.reserve(hits.size());
   for (const Hit& hit : hits) idxs.push_back(hit.first);
   return idxs;
+}
+
+/// nanoflann finds what is nearer than the bound; points exactly on it count too.
+double SquaredBound(double radius_m) {
+  return std::nextafter(radius_m * radius_m, std::numeric_limits<double>::max());
 }
 
 }  // namespace
@@ -81,10 +128,17 @@ KdTreeTables KdTree::Tables() const {
 std::vector<uint32_t> KdTree::WithinRadius(const Eigen::Vector3d& center, double radius_m) const {
   if (size() == 0) return {};
   std::vector<Hit> hits;
-  // nanoflann finds what is nearer than the bound; points exactly on it count too.
-  const double bound = std::nextafter(radius_m * radius_m, std::numeric_limits<double>::max());
-  impl_->tree.radiusSearch(center.data(), bound, hits, nanoflann::SearchParams(32, 0, false));
+  impl_->tree.radiusSearch(center.data(), SquaredBound(radius_m), hits,
+                           nanoflann::SearchParams(32, 0, false));
   return NearestFirst(std::move(hits));
+}
+
+std::vector<uint32_t> KdTree::WithinRadius(const Eigen::Vector3d& center, double radius_m,
+                                           size_t max_count) const {
+  if (size() == 0 || max_count == 0) return {};
+  NearestHits hits(SquaredBound(radius_m), max_count);
+  impl_->tree.findNeighbors(hits, center.data(), nanoflann::SearchParams());
+  return NearestFirst(hits.Take());
 }
 
 std::vector<uint32_t> KdTree::Nearest(const Eigen::Vector3d& center, size_t count) const {

@@ -32,6 +32,10 @@ class KdTree {
 
   /// Indices of the points at most radius_m away, nearest first, of equally near ones the lower.
   std::vector<uint32_t> WithinRadius(const Eigen::Vector3d& center, double radius_m) const;
+  /// Of these the `max_count` nearest, in a time that does not grow with how many there are: of
+  /// more that are equally near, or too near to being so, it is not said which come.
+  std::vector<uint32_t> WithinRadius(const Eigen::Vector3d& center, double radius_m,
+                                     size_t max_count) const;
   /// Indices of the `count` nearest points, or of all if there are fewer, in the same order.
   std::vector<uint32_t> Nearest(const Eigen::Vector3d& center, size_t count) const;
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <ctime>
 #include <numeric>
 
 #include "carmap/map/test_street.h"
@@ -44,6 +45,39 @@ TEST(KdTree, FindsWhatASearchThroughAllPointsFinds) {
     expected.resize(25);
     EXPECT_EQ(tree.Nearest(center, 25), expected);
   }
+}
+
+TEST(KdTree, FindsTheNearestOfManyWithinARadius) {
+  const auto points = RandomPoints(2000);
+  const KdTree tree(points);
+  for (const Eigen::Vector3d& center : RandomPoints(20)) {
+    const std::vector<uint32_t> all = tree.WithinRadius(center, 8);
+    for (const size_t count : {size_t{0}, size_t{1}, size_t{20}, all.size(), all.size() + 5}) {
+      const std::vector<uint32_t> nearest = tree.WithinRadius(center, 8, count);
+      const size_t expected = std::min(count, all.size());
+      EXPECT_EQ(nearest, std::vector<uint32_t>(all.begin(), all.begin() + expected));
+    }
+  }
+}
+
+// Where no point is nearer than another a tree leaves none out: all would be looked at, by each of
+// as many searches.
+TEST(KdTree, LooksAtFewPointsWhereverTheyLie) {
+  constexpr size_t kCount = 200'000;
+  std::vector<Eigen::Vector3d> sphere = RandomPoints(kCount);
+  for (Eigen::Vector3d& p : sphere) p = 20 * (p - Eigen::Vector3d(0, 0, 50)).normalized();
+  const KdTree on_a_sphere(sphere), equal(std::vector<Eigen::Vector3d>(kCount, {1, 2, 3}));
+  const auto time_of = [](const KdTree& tree, const Eigen::Vector3d& center, size_t searches) {
+    const std::clock_t start = std::clock();
+    for (size_t i = 0; i < searches; ++i) EXPECT_EQ(tree.WithinRadius(center, 30, 40).size(), 40u);
+    return std::clock() - start;
+  };
+  // One search that looks at all takes longer than a hundred that do not.
+  const std::clock_t start = std::clock();
+  EXPECT_EQ(on_a_sphere.WithinRadius({0, 0, 0}, 30).size(), kCount);
+  const std::clock_t of_all = std::clock() - start;
+  EXPECT_LT(time_of(on_a_sphere, {0, 0, 0}, 100), 20 * of_all);
+  EXPECT_LT(time_of(equal, {1, 2, 3}, 100), 20 * of_all);
 }
 
 TEST(KdTree, CountsPointsOnTheBoundAndOrdersEqualOnesByIndex) {

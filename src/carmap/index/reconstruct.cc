@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <span>
 #include <utility>
 
 namespace carmap {
@@ -72,10 +73,19 @@ Grouped<uint32_t> MakeKeyframesOfLandmark(const MapSnapshot& snapshot) {
   return keyframes_of_landmark;
 }
 
+size_t ObservationCount(const MapSnapshot& snapshot) {
+  size_t count = 0;
+  for (const SnapshotKeyframe& keyframe : snapshot.keyframes) {
+    count += keyframe.landmark_idxs.size();
+  }
+  return count;
+}
+
 /// Equation 1 and the camera.
 Grouped<KeyframeFeature> MakeKeyframeFeatures(const MapSnapshot& snapshot,
                                               const std::vector<LeanDrive>& drives) {
   Grouped<KeyframeFeature> features;
+  features.ReserveValues(ObservationCount(snapshot));
   for (const SnapshotKeyframe& keyframe : snapshot.keyframes) {
     const StereoRig& rig = DriveOf(drives, keyframe.id.drive).rig;
     const Rigid3 camera_from_map = keyframe.map_from_camera.Inverse();
@@ -94,6 +104,20 @@ Grouped<KeyframeFeature> MakeKeyframeFeatures(const MapSnapshot& snapshot,
   return features;
 }
 
+/// The part of an ascending list that lies around a member of it.
+std::span<const uint32_t> NeighboursInList(std::span<const uint32_t> list, uint32_t member) {
+  if (list.size() <= kMaxListNeighbours) return list;
+  const auto place =
+      static_cast<size_t>(std::lower_bound(list.begin(), list.end(), member) - list.begin());
+  const size_t begin = place - std::min(place, kMaxListNeighbours);
+  return list.subspan(begin, std::min(place + kMaxListNeighbours + 1, list.size()) - begin);
+}
+
+bool SharesMore(const CovisibleKeyframe& a, const CovisibleKeyframe& b) {
+  return std::pair(b.shared_landmarks, a.keyframe_idx) <
+         std::pair(a.shared_landmarks, b.keyframe_idx);
+}
+
 Grouped<CovisibleKeyframe> MakeCovisibility(const MapSnapshot& snapshot,
                                             const Grouped<uint32_t>& keyframes_of_landmark) {
   Grouped<CovisibleKeyframe> covisible;
@@ -101,7 +125,7 @@ Grouped<CovisibleKeyframe> MakeCovisibility(const MapSnapshot& snapshot,
   std::vector<CovisibleKeyframe> neighbours;
   for (uint32_t i = 0; i < snapshot.keyframes.size(); ++i) {
     for (const uint32_t landmark_idx : snapshot.keyframes[i].landmark_idxs) {
-      for (const uint32_t other : keyframes_of_landmark[landmark_idx]) {
+      for (const uint32_t other : NeighboursInList(keyframes_of_landmark[landmark_idx], i)) {
         if (shared[other]++ == 0) touched.push_back(other);
       }
     }
@@ -111,11 +135,10 @@ Grouped<CovisibleKeyframe> MakeCovisibility(const MapSnapshot& snapshot,
       shared[other] = 0;
     }
     touched.clear();
-    std::sort(neighbours.begin(), neighbours.end(),
-              [](const CovisibleKeyframe& a, const CovisibleKeyframe& b) {
-                return std::pair(b.shared_landmarks, a.keyframe_idx) <
-                       std::pair(a.shared_landmarks, b.keyframe_idx);
-              });
+    const size_t kept = std::min(neighbours.size(), kMaxCovisible);
+    std::partial_sort(neighbours.begin(), neighbours.begin() + static_cast<ptrdiff_t>(kept),
+                      neighbours.end(), SharesMore);
+    neighbours.resize(kept);
     for (const CovisibleKeyframe& neighbour : neighbours) covisible.Append(neighbour);
     covisible.EndList();
   }
@@ -197,8 +220,9 @@ Eigen::Vector3d GpsIndex::OnPlane(const GpsFix& fix) const {
   return p_in_enu;
 }
 
-std::vector<uint32_t> GpsIndex::KeyframesNear(const GpsFix& fix, double radius_m) const {
-  std::vector<uint32_t> keyframe_idxs = tree_.WithinRadius(OnPlane(fix), radius_m);
+std::vector<uint32_t> GpsIndex::KeyframesNear(const GpsFix& fix, double radius_m,
+                                              size_t max_count) const {
+  std::vector<uint32_t> keyframe_idxs = tree_.WithinRadius(OnPlane(fix), radius_m, max_count);
   for (uint32_t& idx : keyframe_idxs) idx = placed_[idx];
   return keyframe_idxs;
 }

@@ -31,6 +31,10 @@ struct KeyframeFeature {
   float disparity_px = 0;  ///< without the rig's bias
 };
 
+/// What bounds the covisibility graph by a multiple of the observations, whatever the lists of
+/// keyframes: both are more than the lists of a drive reach.
+inline constexpr size_t kMaxCovisible = 128, kMaxListNeighbours = 32;
+
 struct CovisibleKeyframe {
   uint32_t keyframe_idx = 0;
   uint32_t shared_landmarks = 0;  ///< at least one
@@ -43,8 +47,9 @@ class GpsIndex {
   /// the distance driven. Nothing if no keyframe has a fix. Keyframes ascending by id.
   static std::optional<GpsIndex> Build(const std::vector<LeanKeyframe>& keyframes);
 
-  /// Keyframes within this horizontal distance (altitudes of GPS are poor), nearest first.
-  std::vector<uint32_t> KeyframesNear(const GpsFix& fix, double radius_m) const;
+  /// The `max_count` nearest keyframes within this horizontal distance (altitudes of GPS are poor),
+  /// nearest first.
+  std::vector<uint32_t> KeyframesNear(const GpsFix& fix, double radius_m, size_t max_count) const;
   /// Keyframes that could not be placed: they have only fixes before or only fixes after them, or
   /// their drive has none. Ascending.
   const std::vector<uint32_t>& unplaced() const { return unplaced_; }
@@ -73,7 +78,9 @@ struct ReconstructedMap {
   /// Quantisation and merging may push a landmark behind the camera or out of the image: it has
   /// no feature there, but its link stays.
   Grouped<KeyframeFeature> features_of_keyframe;
-  /// Of each keyframe those that share landmarks with it, most shared first.
+  /// Of each keyframe those that share most landmarks with it, most shared first, at most
+  /// kMaxCovisible. Of a landmark's list the kMaxListNeighbours before and after the keyframe
+  /// count.
   Grouped<CovisibleKeyframe> covisible;
   KdTree keyframe_centers, landmark_positions;
   std::optional<GpsIndex> gps;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numeric>
 
 #include "carmap/map/test_street.h"
 
@@ -141,6 +142,40 @@ TEST(Reconstruct, BuildsTheIndexesOfLinks) {
   EXPECT_EQ(map.landmark_positions.size(), lean.landmarks.size());
 }
 
+/// Keyframes at one place that all see the same landmarks: what makes the most of covisibility.
+LeanMap CrowdedMap(uint32_t keyframe_count, uint32_t landmark_count) {
+  LeanMap lean;
+  lean.drives = {{{5}, kStreetRig}};
+  for (uint32_t k = 0; k < keyframe_count; ++k) {
+    lean.keyframes.emplace_back().id = {{5}, k};
+  }
+  for (uint32_t i = 0; i < landmark_count; ++i) {
+    LeanLandmark& landmark = lean.landmarks.emplace_back();
+    landmark.id = {{5}, i};
+    landmark.position_in_map = {0, 0, 20};
+    landmark.keyframe_idxs.resize(keyframe_count);
+    std::iota(landmark.keyframe_idxs.begin(), landmark.keyframe_idxs.end(), 0u);
+  }
+  return lean;
+}
+
+// Were each pair of a list counted, this would take minutes and four gigabytes.
+TEST(Reconstruct, CostsNoMoreThanAMultipleOfTheLists) {
+  const LeanMap lean = CrowdedMap(20'000, 50);
+  ASSERT_TRUE(CheckConsistency(lean).ok());
+  const ReconstructedMap map = Reconstruct(lean);
+  for (const uint32_t k : {0u, 9'000u, 19'999u}) {
+    const auto covisible = map.covisible[k];
+    EXPECT_LE(covisible.size(), kMaxCovisible);
+    ASSERT_GE(covisible.size(), kMaxListNeighbours);
+    for (const CovisibleKeyframe& other : covisible) {
+      EXPECT_LE(std::abs(static_cast<int>(other.keyframe_idx) - static_cast<int>(k)),
+                static_cast<int>(kMaxListNeighbours));
+      EXPECT_EQ(other.shared_landmarks, 50u);
+    }
+  }
+}
+
 TEST(Reconstruct, LeavesOutFeaturesThatNoCameraCanSee) {
   LeanMap lean = StreetMap();
   LeanLandmark& landmark = lean.landmarks.front();
@@ -177,9 +212,10 @@ TEST(GpsIndex, FindsKeyframesByTheirPlaceOnTheEarth) {
   const auto index = GpsIndex::Build(keyframes);
   ASSERT_TRUE(index);
   EXPECT_THAT(index->unplaced(), ElementsAre(0, 5));
-  EXPECT_THAT(index->KeyframesNear(enu.ToGps({21, 0, -50}), 5), ElementsAre(2));
-  EXPECT_THAT(index->KeyframesNear(enu.ToGps({21, 0, -50}), 12), ElementsAre(2, 3, 1));
-  EXPECT_THAT(index->KeyframesNear(enu.ToGps({21, 3000, 0}), 50), IsEmpty());
+  EXPECT_THAT(index->KeyframesNear(enu.ToGps({21, 0, -50}), 5, 9), ElementsAre(2));
+  EXPECT_THAT(index->KeyframesNear(enu.ToGps({21, 0, -50}), 12, 9), ElementsAre(2, 3, 1));
+  EXPECT_THAT(index->KeyframesNear(enu.ToGps({21, 0, -50}), 12, 2), ElementsAre(2, 3));
+  EXPECT_THAT(index->KeyframesNear(enu.ToGps({21, 3000, 0}), 50, 9), IsEmpty());
 }
 
 }  // namespace

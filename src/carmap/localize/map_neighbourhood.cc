@@ -25,6 +25,16 @@ std::vector<uint32_t> LandmarksSeenBy(const ReconstructedMap& map,
   return landmark_idxs;
 }
 
+std::vector<uint32_t> FirstThatSee(const ReconstructedMap& map, std::vector<uint32_t> keyframe_idxs,
+                                   size_t max_observations) {
+  size_t observations = 0;
+  for (size_t i = 0; i < keyframe_idxs.size(); ++i) {
+    observations += map.snapshot.keyframes[keyframe_idxs[i]].landmark_idxs.size();
+    if (i > 0 && observations > max_observations) keyframe_idxs.resize(i);
+  }
+  return keyframe_idxs;
+}
+
 std::vector<uint32_t> WithCovisible(const ReconstructedMap& map, uint32_t keyframe_idx,
                                     size_t neighbours) {
   std::vector<uint32_t> keyframe_idxs = {keyframe_idx};
@@ -40,8 +50,8 @@ std::vector<uint32_t> LandmarksAround(const ReconstructedMap& map, const Rigid3&
   const double min_cosine = std::cos(options.max_turn_rad);
   const Eigen::Vector3d direction = map_from_camera.rotation * Eigen::Vector3d::UnitZ();
   std::vector<uint32_t> keyframe_idxs;
-  for (const uint32_t idx :
-       map.keyframe_centers.WithinRadius(map_from_camera.translation, options.radius_m)) {
+  for (const uint32_t idx : map.keyframe_centers.WithinRadius(
+           map_from_camera.translation, options.radius_m, options.max_looked_at)) {
     if (keyframe_idxs.size() == options.max_keyframes) break;
     const Rigid3& keyframe = map.snapshot.keyframes[idx].map_from_camera;
     if (direction.dot(keyframe.rotation * Eigen::Vector3d::UnitZ()) < min_cosine) continue;
@@ -49,8 +59,8 @@ std::vector<uint32_t> LandmarksAround(const ReconstructedMap& map, const Rigid3&
   }
   if (keyframe_idxs.empty()) return {};
   const auto covisible = WithCovisible(map, keyframe_idxs.front(), options.covisible_neighbours);
-  keyframe_idxs.insert(keyframe_idxs.end(), covisible.begin(), covisible.end());
-  return LandmarksSeenBy(map, keyframe_idxs);
+  keyframe_idxs.insert(keyframe_idxs.begin() + 1, covisible.begin() + 1, covisible.end());
+  return LandmarksSeenBy(map, FirstThatSee(map, keyframe_idxs, options.max_observations));
 }
 
 std::optional<TrackedPose> TrackAround(const ReconstructedMap& map, const FeatureGrid& grid,

@@ -18,15 +18,22 @@ namespace carmap {
 std::vector<uint32_t> LandmarksSeenBy(const ReconstructedMap& map,
                                       const std::vector<uint32_t>& keyframe_idxs);
 
+/// As many of these keyframes, from the first on, as see so many landmarks together, each counted
+/// once a keyframe; at least the first.
+std::vector<uint32_t> FirstThatSee(const ReconstructedMap& map, std::vector<uint32_t> keyframe_idxs,
+                                   size_t max_observations);
+
 /// The keyframe and those, at most `neighbours`, that share most landmarks with it.
 std::vector<uint32_t> WithCovisible(const ReconstructedMap& map, uint32_t keyframe_idx,
                                     size_t neighbours);
 
 struct NeighbourhoodOptions {
-  double radius_m = 30;             ///< in which keyframes count as near
-  double max_turn_rad = 1.2;        ///< between a keyframe's viewing direction and the camera's
-  size_t covisible_neighbours = 5;  ///< of the nearest keyframe, wherever they stand
-  size_t max_keyframes = 40;        ///< nearest first
+  double radius_m = 30;               ///< in which keyframes count as near
+  double max_turn_rad = 1.2;          ///< between a keyframe's viewing direction and the camera's
+  size_t covisible_neighbours = 5;    ///< of the nearest keyframe, wherever they stand
+  size_t max_keyframes = 40;          ///< nearest first ...
+  size_t max_looked_at = 640;         ///< ... of so many, whichever way they look
+  size_t max_observations = 1 << 15;  ///< of the keyframes together, but for the nearest one's
 };
 
 /// Landmarks seen by keyframes near the pose that look the same way, and by those covisible with

@@ -57,7 +57,10 @@ void PlaceIndex::GroupKeyframes() {
 std::vector<uint32_t> PlaceIndex::LandmarksOf(uint32_t place_idx) const {
   std::vector<uint32_t> keyframe_idxs = KeyframesBeside(centers_[place_idx]);
   keyframe_idxs.resize(std::min(keyframe_idxs.size(), options_.max_keyframes));
-  return LandmarksSeenBy(map_, keyframe_idxs);
+  const auto& of_center = map_.snapshot.keyframes[centers_[place_idx]].landmark_idxs;
+  const size_t max_observations =
+      options_.max_landmark_ratio * std::max(of_center.size(), options_.few_landmarks);
+  return LandmarksSeenBy(map_, FirstThatSee(map_, std::move(keyframe_idxs), max_observations));
 }
 
 WordHistogram PlaceIndex::HistogramOfPlace(uint32_t place_idx) const {

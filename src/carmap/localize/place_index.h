@@ -19,7 +19,10 @@ namespace carmap {
 
 struct PlaceOptions {
   double radius_m = 6;       ///< of a place around its keyframe in the middle
-  size_t max_keyframes = 8;  ///< of a place, whose landmarks count
+  size_t max_keyframes = 8;  ///< of a place, whose landmarks count ...
+  /// ... as long as they are no more than so many times those of the keyframe in the middle, or of
+  /// one that sees few_landmarks if that is more: so an index is in proportion to its map.
+  size_t max_landmark_ratio = 8, few_landmarks = 256;
   /// Entries of the inverted index that one query may read: some milliseconds at most.
   size_t max_postings = 1'000'000;
 };

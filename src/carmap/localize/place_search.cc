@@ -98,7 +98,8 @@ std::vector<PlaceSearch::Candidate> PlaceSearch::RankPlaces(
 std::vector<PlaceSearch::Candidate> PlaceSearch::PlacesNear(const WordHistogram& histogram,
                                                             const GpsFix& fix) const {
   std::vector<Candidate> near;
-  for (const uint32_t keyframe_idx : map_.gps->KeyframesNear(fix, options_.gps_radius_m)) {
+  for (const uint32_t keyframe_idx :
+       map_.gps->KeyframesNear(fix, options_.gps_radius_m, options_.max_gps_keyframes)) {
     if (near.size() == options_.max_gps_places) break;
     const uint32_t place_idx = index_->PlaceOf(keyframe_idx);
     const bool is_listed = std::any_of(near.begin(), near.end(), [&](const Candidate& other) {

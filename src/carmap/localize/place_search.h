@@ -32,7 +32,8 @@ struct PlaceSearchOptions {
   PlaceOptions places;
   SizeMatchOptions matching;
   double gps_radius_m = 50;            ///< more than GPS errs between tall buildings
-  size_t max_gps_places = 32;          ///< nearest first
+  size_t max_gps_places = 32;          ///< nearest first ...
+  size_t max_gps_keyframes = 1024;     ///< ... of so many keyframes
   size_t max_tries = 5;                ///< places a frame
   size_t max_comparisons = 3'000'000;  ///< of signatures a frame; some more end the last try
   int max_samples = 2000;              ///< of three matches a place

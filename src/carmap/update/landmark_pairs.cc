@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "carmap/solve/reprojection.h"
 
@@ -14,6 +15,8 @@ namespace {
 constexpr double kPositionFloorM = 0.02;
 // Views from one drive share their keyframes' errors, so more of them do not sharpen a position.
 constexpr double kMaxViews = 3;
+// So many views, evenly out of more, say how uncertain a position is.
+constexpr size_t kViewsLookedAt = 64;
 constexpr double kChiSquareBound = 11.345;  // 99 %, three degrees of freedom
 constexpr int kMinPairs = 6;
 constexpr double kMinRelativePivot = 1e-9;  // of normal equations that determine a transform
@@ -78,7 +81,10 @@ Eigen::Matrix3d LandmarkCovariance(const ReconstructedMap& map, uint32_t landmar
   const SnapshotLandmark& landmark = map.snapshot.landmarks[landmark_idx];
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   double views = 0;
-  for (const uint32_t keyframe_idx : map.keyframes_of_landmark[landmark_idx]) {
+  const std::span<const uint32_t> viewers = map.keyframes_of_landmark[landmark_idx];
+  const size_t looked_at = std::min(viewers.size(), kViewsLookedAt);
+  for (size_t i = 0; i < looked_at; ++i) {
+    const uint32_t keyframe_idx = viewers[i * viewers.size() / looked_at];
     const Rigid3& map_from_camera = map.snapshot.keyframes[keyframe_idx].map_from_camera;
     const Eigen::Vector3d p = map_from_camera.Inverse() * landmark.position_in_map;
     if (p.z() < 0.1) continue;

@@ -137,13 +137,15 @@ void CountVotes(std::vector<Located> located, const ReconstructedMap& segment,
       })->base_from_segment;
 }
 
+constexpr int kTaken = -1;
+
 struct CountedPair {
   LandmarkPair pair;
   int count = 0;
 };
 
-/// Of all matches, each with how many keyframes made it, the most frequent that leave each landmark
-/// in at most one pair.
+/// Of all matches, each with how many keyframes made it, those that are the most frequent one of
+/// both landmarks; of equally frequent ones the first.
 std::vector<LandmarkPair> PairUp(std::vector<LandmarkPair> matches, size_t base_count,
                                  size_t segment_count) {
   std::sort(matches.begin(), matches.end());
@@ -152,16 +154,18 @@ std::vector<LandmarkPair> PairUp(std::vector<LandmarkPair> matches, size_t base_
     if (counted.empty() || counted.back().pair != match) counted.push_back({match, 0});
     ++counted.back().count;
   }
-  std::stable_sort(counted.begin(), counted.end(),
-                   [](const CountedPair& a, const CountedPair& b) { return a.count > b.count; });
-  std::vector<bool> base_is_taken(base_count, false), segment_is_taken(segment_count, false);
+  std::vector<int> most_of_base(base_count, 0), most_of_segment(segment_count, 0);
+  for (const auto& [pair, count] : counted) {
+    most_of_base[pair.base_idx] = std::max(most_of_base[pair.base_idx], count);
+    most_of_segment[pair.segment_idx] = std::max(most_of_segment[pair.segment_idx], count);
+  }
   std::vector<LandmarkPair> pairs;
   for (const auto& [pair, count] : counted) {
-    if (base_is_taken[pair.base_idx] || segment_is_taken[pair.segment_idx]) continue;
-    base_is_taken[pair.base_idx] = segment_is_taken[pair.segment_idx] = true;
+    int &of_base = most_of_base[pair.base_idx], &of_segment = most_of_segment[pair.segment_idx];
+    if (count != of_base || count != of_segment) continue;
+    of_base = of_segment = kTaken;
     pairs.push_back(pair);
   }
-  std::sort(pairs.begin(), pairs.end());
   return pairs;
 }
 

@@ -61,7 +61,8 @@ struct FineOverlap {
 };
 
 /// Matches every keyframe of the segment that stands near the base map with the base's landmarks
-/// around it. A landmark goes with the one that most keyframes match it with.
+/// around it. A landmark goes with the one that most keyframes match it with, if that goes with it:
+/// one that they match with another more often is another corner.
 FineOverlap MatchOverlap(const ReconstructedMap& base, const ReconstructedMap& segment,
                          const Rigid3& base_from_segment, const OverlapOptions& options);
 

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <ctime>
+#include <numeric>
 #include <set>
 
 #include "carmap/feature/default_vocabulary.h"
@@ -360,6 +362,42 @@ TEST(Stitch, TakesDegenerateMaps) {
   LeanMap broken = segment;
   broken.landmarks[3].keyframe_idxs = {9999};
   EXPECT_EQ(Stitch(base, broken).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+/// Keyframes at one place that all see the same landmarks.
+LeanMap CrowdedMap(DriveId drive, uint32_t keyframe_count, uint32_t landmark_count) {
+  StreetRandom random(8);
+  LeanMap map;
+  map.drives = {{drive, kStreetRig}};
+  for (uint32_t k = 0; k < keyframe_count; ++k) {
+    LeanKeyframe& keyframe = map.keyframes.emplace_back();
+    keyframe.id = {drive, k};
+    keyframe.map_from_camera.translation.x() = random.Uniform(0, 0.01);
+  }
+  for (uint32_t i = 0; i < landmark_count; ++i) {
+    LeanLandmark& landmark = map.landmarks.emplace_back();
+    landmark.id = {drive, i};
+    landmark.descriptor = random.RandomDescriptor();
+    landmark.position_in_map = {random.Uniform(-8, 8), random.Uniform(-3, 3), 20};
+    landmark.keyframe_idxs.resize(keyframe_count);
+    std::iota(landmark.keyframe_idxs.begin(), landmark.keyframe_idxs.end(), 0u);
+  }
+  return map;
+}
+
+// Four times the keyframes take four times as long, though sixteen times as many pairs of them see
+// the same; half as much again is allowed for chance.
+TEST(Stitch, TakesTimeInProportionToTheMaps) {
+  const auto time_of = [](uint32_t keyframe_count) {
+    const LeanMap base = CrowdedMap({500}, keyframe_count, 60),
+                  segment = CrowdedMap({900}, keyframe_count, 60);
+    const std::clock_t start = std::clock();  // of this process, whatever else runs
+    const auto stitched = Stitch(base, segment);
+    EXPECT_TRUE(stitched.ok()) << stitched.status();
+    return static_cast<double>(std::clock() - start);
+  };
+  const double quarter = time_of(2'000);
+  EXPECT_LT(time_of(8'000), 6 * quarter);
 }
 
 TEST(Stitch, IsDeterministic) {
