@@ -21,6 +21,28 @@ int CountWithDepth(const std::vector<Feature>& features) {
                                         [](const Feature& f) { return f.has_disparity(); }));
 }
 
+/// As near to where it would be if it had gone on as before as brakes and engine allow, with room
+/// for what the speed was off.
+bool IsNear(const TrackedPose& pose, const Rigid3& predicted_camera_from_map, double elapsed_s) {
+  constexpr double kMaxAccelerationMps2 = 20, kMaxSpeedErrorMps = 4;
+  const double max_distance_m =
+      kMaxSpeedErrorMps * elapsed_s + kMaxAccelerationMps2 * elapsed_s * elapsed_s / 2;
+  return (pose.camera_from_map.Inverse().translation -
+          predicted_camera_from_map.Inverse().translation)
+             .norm() < max_distance_m;
+}
+
+TrackingOptions WithWiderWindow(TrackingOptions options) {
+  options.first_radius_px *= 4;
+  return options;
+}
+
+TrackingOptions WithNoise(TrackingOptions options, double factor) {
+  options.noise.pixel_px *= factor;
+  options.noise.disparity_px *= factor;
+  return options;
+}
+
 }  // namespace
 
 Rigid3 Tracker::Predict(Timestamp timestamp, const LocalMap& local) const {
@@ -33,24 +55,37 @@ Rigid3 Tracker::Predict(Timestamp timestamp, const LocalMap& local) const {
   return Extrapolate(last_->this_from_previous, elapsed_s / last_->interval_s) * last_from_map;
 }
 
-std::optional<TrackedPose> Tracker::FindPose(const FeatureGrid& grid, const LocalMap& local,
-                                             const Rigid3& predicted_camera_from_map) const {
-  const MapSnapshot& map = local.snapshot;
-  const StereoRig& rig = local.rig;
-  const std::vector<uint32_t> landmark_idxs = AllLandmarks(map);
-  TrackingOptions tracking = options_.tracking;
+std::optional<TrackedPose> Tracker::FindPose(Timestamp timestamp, const FeatureGrid& grid,
+                                             const LocalMap& local) const {
+  const std::vector<uint32_t> landmark_idxs = AllLandmarks(local.snapshot);
+  const Rigid3 predicted = Predict(timestamp, local);
+  const auto by_appearance = [&] {
+    return TrackByAppearance(local.snapshot, landmark_idxs, grid, local.rig, options_.tracking,
+                             /*seed=*/1);
+  };
+  const auto by_projection = [&](const TrackingOptions& tracking) {
+    return TrackByProjection(local.snapshot, landmark_idxs, grid, local.rig, predicted, tracking);
+  };
   if (!last_ || last_->interval_s <= 0) {
     // Nothing tells the speed: as seen from where the vehicle was, only distant landmarks are where
     // they should be, and they agree on a wrong pose.
-    if (auto pose = TrackByAppearance(map, landmark_idxs, grid, rig, tracking, /*seed=*/1))
-      return pose;
+    const auto pose = by_appearance();
+    return pose ? pose : by_projection(options_.tracking);
   }
-  auto pose = TrackByProjection(map, landmark_idxs, grid, rig, predicted_camera_from_map, tracking);
-  if (pose) return pose;
-  tracking.first_radius_px *= 4;
-  pose = TrackByProjection(map, landmark_idxs, grid, rig, predicted_camera_from_map, tracking);
-  if (pose) return pose;
-  return TrackByAppearance(map, landmark_idxs, grid, rig, options_.tracking, /*seed=*/1);
+  // Traffic at the vehicle's own speed agrees with itself; what the vehicle can do comes first.
+  const double elapsed_s = timestamp.seconds() - last_->timestamp.seconds();
+  const auto is_possible = [&](const std::optional<TrackedPose>& pose) {
+    return pose && IsNear(*pose, predicted, elapsed_s);
+  };
+  const auto pose = by_projection(options_.tracking);
+  if (is_possible(pose)) return pose;
+  const auto farther_off = by_projection(WithWiderWindow(options_.tracking));
+  if (is_possible(farther_off)) return farther_off;
+  if (last_->SpeedMps() > options_.min_noisy_speed_mps) {
+    const auto noisy = by_projection(WithNoise(options_.tracking, options_.noisy_factor));
+    if (is_possible(noisy)) return noisy;
+  }
+  return pose ? pose : farther_off ? farther_off : by_appearance();
 }
 
 /// Distance to a keyframe in steps of which each calls for a new one.
@@ -86,9 +121,9 @@ TrackedFrame Tracker::Track(Timestamp timestamp, const std::vector<Feature>& fea
                             const LocalMap* local) {
   if (!local) return Begin(features);
   const FeatureGrid grid(features, local->rig.camera.width, local->rig.camera.height);
-  const Rigid3 predicted = Predict(timestamp, *local);
-  const auto pose = FindPose(grid, *local, predicted);
-  return pose ? Accept(timestamp, *local, *pose) : Lose(timestamp, features, predicted);
+  const auto pose = FindPose(timestamp, grid, *local);
+  return pose ? Accept(timestamp, *local, *pose)
+              : Lose(timestamp, features, Predict(timestamp, *local));
 }
 
 TrackedFrame Tracker::Resume(Timestamp timestamp, const LocatedFrame& found) {

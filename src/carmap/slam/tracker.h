@@ -22,6 +22,10 @@ namespace carmap {
 
 struct TrackerOptions {
   TrackingOptions tracking;
+  /// Where too few measurements agree as tightly as the noise demands, they may be so many times
+  /// noisier: small images of dark roads at speed. Slower than this a camera sees the same again,
+  /// and what does not agree tightly is traffic.
+  double noisy_factor = 2, min_noisy_speed_mps = 3;
   int min_first_features = 100;          ///< with depth, to begin a map or a new part of it
   double max_keyframe_distance_m = 1.8;  ///< from the nearest keyframe; farther calls for a new one
   double max_keyframe_turn_rad = 0.12;
@@ -77,11 +81,13 @@ class Tracker {
     Rigid3 camera_from_reference;
     Rigid3 this_from_previous;  ///< motion since the tracked frame before
     double interval_s = 0;      ///< that it took; 0 if there was none
+
+    double SpeedMps() const { return this_from_previous.translation.norm() / interval_s; }
   };
 
   TrackedFrame Begin(const std::vector<Feature>& features);
-  std::optional<TrackedPose> FindPose(const FeatureGrid& grid, const LocalMap& local,
-                                      const Rigid3& predicted_camera_from_map) const;
+  std::optional<TrackedPose> FindPose(Timestamp timestamp, const FeatureGrid& grid,
+                                      const LocalMap& local) const;
   Rigid3 Predict(Timestamp timestamp, const LocalMap& local) const;
   TrackedFrame Accept(Timestamp timestamp, const LocalMap& local, const TrackedPose& pose);
   TrackedFrame Lose(Timestamp timestamp, const std::vector<Feature>& features,
