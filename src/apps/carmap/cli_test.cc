@@ -13,6 +13,7 @@
 #include <opencv2/imgcodecs.hpp>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "apps/carmap/program_runner.h"
@@ -43,8 +44,9 @@ std::string Replace(std::string text, const std::string& from, const std::string
 
 std::string Image(const char* side, int frame) { return fmt::format("{}/{:06}.png", side, frame); }
 
-/// Copies the first frames of a small simulated drive, without GPS. Those of one town are the same.
-void CopyTestDrive(int town, int frames, const fs::path& to) {
+/// Copies frames of a small simulated drive, without GPS, as a drive that begins with frame `first`
+/// at time 0. Those of one town are the same.
+void CopyTestDrive(int town, int frames, const fs::path& to, int first = 0) {
   const fs::path from = fs::path(CARMAP_TEST_DRIVES) / fmt::format("town_{}", town);
   fs::remove_all(to);
   fs::create_directories(to / "image_0");
@@ -52,14 +54,16 @@ void CopyTestDrive(int town, int frames, const fs::path& to) {
   fs::copy(from / "calib.txt", to);
   for (int frame = 0; frame < frames; ++frame) {
     for (const char* side : {"image_0", "image_1"}) {
-      fs::copy(from / Image(side, frame), to / Image(side, frame));
+      fs::copy(from / Image(side, first + frame), to / Image(side, frame));
     }
   }
-  for (const char* name : {"times.txt", "poses.txt"}) {
+  for (const auto& [name, begin] : {std::pair("times.txt", 0), std::pair("poses.txt", first)}) {
     std::ifstream lines(from / name);
     std::ofstream copied(to / name);
     std::string line;
-    for (int i = 0; i < frames && std::getline(lines, line); ++i) copied << line << "\n";
+    for (int i = 0; i < begin + frames && std::getline(lines, line); ++i) {
+      if (i >= begin) copied << line << "\n";
+    }
   }
 }
 
@@ -253,6 +257,27 @@ TEST_F(CliTest, StitchesAndLocalizesInTheResult) {
   EXPECT_LE(nlohmann::json::parse(evaluate.out)["ate_rmse_m"].get<double>(), 0.1);
   EXPECT_THAT(Run({"evaluate", "trajectory", "t.txt", "../drive/poses.txt"}).out,
               HasSubstr("absolute error"));
+}
+
+TEST_F(CliTest, AlignsAMapByTheKeyframesOfTheDriveThatTheTruthIsOf) {
+  // Two drives with the same numbers and times of frames, the second some metres further on.
+  constexpr int kFirst = 6;
+  CopyTestDrive(1, kFrames - kFirst, work() / "later", kFirst);
+  ASSERT_EQ(Run({"map", "later", "--out", "later.cmap"}).exit_code, 0);
+  for (const auto& [base, segment] :
+       {std::pair("../base.cmap", "later.cmap"), std::pair("later.cmap", "../base.cmap")}) {
+    ASSERT_EQ(Run({"stitch", base, segment, "--out", "road.cmap"}).exit_code, 0);
+    for (const char* drive : {"../drive", "later"}) {
+      const Result localize = Run(
+          {"localize", drive, "--map", "road.cmap", "--map-truth", drive, "--report", "r.json"});
+      ASSERT_EQ(localize.exit_code, 0) << localize.err;
+      EXPECT_LE(ReadJson("r.json")["position_error_m"]["max"].get<double>(), 0.3)
+          << drive << " in " << base;
+    }
+  }
+  CopyTestDrive(1, kFrames - kFirst, work() / "other", kFirst - 1);
+  ExpectRefused({"localize", "other", "--map", "road.cmap", "--map-truth", "other"},
+                "none of its 2 drives is other");
 }
 
 TEST_F(CliTest, StitchesByAppearanceAlone) {
@@ -1082,7 +1107,7 @@ TEST_F(CliTest, RefusesTruthThatDoesNotFit) {
   std::string times;
   for (size_t i = 0; i < kFrames; ++i) times += fmt::format("{:.1f}\n", 100 + 0.1 * i);
   Write(later / "times.txt", times);
-  ExpectRefusedAtOnce(with("../damaged"), "../base.cmap: of the map's");
+  ExpectRefusedAtOnce(with("../damaged"), "../base.cmap: none of its 1 drives is");
 }
 
 TEST_F(CliTest, RefusesTrajectoriesThatItCannotCompare) {

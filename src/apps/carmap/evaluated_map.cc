@@ -2,7 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <map>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "apps/carmap/outputs.h"
 #include "carmap/base/status_macros.h"
@@ -29,12 +31,43 @@ StereoRig AsMapped(const StereoRig& rig, const LeanMap& map) {
   return rig;
 }
 
+namespace {
+
+/// The ids that the drive and ranges of it have in the map. A map of one drive is taken to be of
+/// this one: its times will tell.
+std::vector<DriveId> FindDrive(const LeanMap& map, const KittiDrive& drive) {
+  std::map<DriveId, FrameRange> mapped;
+  for (const LeanKeyframe& keyframe : map.keyframes) {
+    mapped.try_emplace(keyframe.id.drive, FrameRange{keyframe.id.index}).first->second.last =
+        keyframe.id.index;
+  }
+  std::vector<DriveId> ids;
+  for (const auto& [id, range] : mapped) {
+    if (mapped.size() == 1 || id == drive.id() || drive.IsIdOfRange(id, range.first, *range.last)) {
+      ids.push_back(id);
+    }
+  }
+  return ids;
+}
+
+absl::Status NotOfDrive(const LeanMap& map, const std::string& path, const std::string& folder) {
+  return absl::FailedPreconditionError(
+      fmt::format("{}: none of its {} drives is {}, by times and first images; name a drive that "
+                  "the map was made from",
+                  path, map.drives.size(), folder));
+}
+
+}  // namespace
+
 absl::StatusOr<EvaluatedMap> AlignToTruth(const LeanMap& map, const std::string& path,
                                           const std::string& truth_folder) {
   CARMAP_ASSIGN_OR_RETURN(const auto drive, OpenWithTruth(truth_folder));
-  const auto alignment = AlignMapToTruth(map, drive->truth());
+  const std::vector<DriveId> ids = FindDrive(map, *drive);
+  if (ids.empty()) return NotOfDrive(map, path, truth_folder);
+  const LeanMap of_drive = KeyframesOf(map, ids);
+  const auto alignment = AlignMapToTruth(of_drive, drive->truth());
   if (!alignment.ok()) return WithName(path, alignment.status());
-  CARMAP_ASSIGN_OR_RETURN(MapTruth truth, MapTruth::Create(map, drive->truth()));
+  CARMAP_ASSIGN_OR_RETURN(MapTruth truth, MapTruth::Create(of_drive, drive->truth()));
   return EvaluatedMap{std::move(truth), *alignment};
 }
 

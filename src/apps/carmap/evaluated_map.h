@@ -30,8 +30,9 @@ struct EvaluatedMap {
   MapAlignment alignment;
 };
 
-/// `map` was read from `path`, and made of the drive in `truth_folder`. Errors: as OpenWithTruth
-/// and AlignMapToTruth.
+/// `map` was read from `path`, and made of the drive in `truth_folder`, of ranges of it, and of
+/// other drives, whose keyframes do not count. Errors: as OpenWithTruth and AlignMapToTruth;
+/// FailedPrecondition where it cannot be told which of several drives is the one.
 absl::StatusOr<EvaluatedMap> AlignToTruth(const LeanMap& map, const std::string& path,
                                           const std::string& truth_folder);
 

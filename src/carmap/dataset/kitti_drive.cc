@@ -435,20 +435,34 @@ absl::StatusOr<std::unique_ptr<KittiDrive>> KittiDrive::Open(const fs::path& fol
   return drive;
 }
 
-absl::Status KittiDrive::FindFirstPair(const fs::path& calibration_path) {
+absl::StatusOr<StereoFrame> KittiDrive::FirstReadable(uint32_t first) const {
   absl::Status why_not_first;
-  for (uint32_t index = first_; index <= last_; ++index) {
+  for (uint32_t index = first; index <= last_; ++index) {
     StereoFrame frame;
     const absl::Status read = ReadPair(index, frame);
-    if (index == first_) why_not_first = read;
-    if (!read.ok()) continue;
-    rig_.camera.width = frame.left.cols;
-    rig_.camera.height = frame.left.rows;
-    CARMAP_RETURN_IF_ERROR(CheckPrincipalPoint(calibration_path, rig_.camera));
-    id_ = HashInput(rig_, times_, first_, last_, frame.left, frame.right);
-    return absl::OkStatus();
+    if (read.ok()) return frame;
+    if (index == first) why_not_first = read;
   }
   return why_not_first;
+}
+
+absl::Status KittiDrive::FindFirstPair(const fs::path& calibration_path) {
+  CARMAP_ASSIGN_OR_RETURN(const StereoFrame frame, FirstReadable(first_));
+  rig_.camera.width = frame.left.cols;
+  rig_.camera.height = frame.left.rows;
+  CARMAP_RETURN_IF_ERROR(CheckPrincipalPoint(calibration_path, rig_.camera));
+  id_ = HashInput(rig_, times_, first_, last_, frame.left, frame.right);
+  return absl::OkStatus();
+}
+
+bool KittiDrive::IsIdOfRange(DriveId id, uint32_t first_mapped, uint32_t last_mapped) const {
+  if (first_mapped < first_ || first_mapped > last_) return false;
+  const auto frame = FirstReadable(first_mapped);
+  if (!frame.ok()) return false;
+  for (uint32_t last = last_mapped; last <= last_; ++last) {
+    if (HashInput(rig_, times_, first_mapped, last, frame->left, frame->right) == id) return true;
+  }
+  return false;
 }
 
 absl::Status KittiDrive::ReadPair(uint32_t index, StereoFrame& frame) const {

@@ -63,6 +63,9 @@ class KittiDrive : public FrameSource {
   /// Hash of calibration, times and first image pair of the range, and the range itself:
   /// the same input has the same id everywhere.
   DriveId id() const { return id_; }
+  /// Whether this is the id of a range of the drive that begins with the first frame that was
+  /// mapped and ends with the last or later.
+  bool IsIdOfRange(DriveId id, uint32_t first_mapped, uint32_t last_mapped) const;
   /// Ground truth of the frames of the range, in the folder's own world frame; empty if there is
   /// none.
   const Trajectory& truth() const { return truth_; }
@@ -72,6 +75,9 @@ class KittiDrive : public FrameSource {
 
   /// Images of one size, the rig's where it is known.
   absl::Status ReadPair(uint32_t index, StereoFrame& frame) const;
+
+  /// The first frame from `first` on that can be read; else why `first` cannot.
+  absl::StatusOr<StereoFrame> FirstReadable(uint32_t first) const;
 
   /// Completes the rig with the size of the first pair that can be read, and computes the id.
   absl::Status FindFirstPair(const std::filesystem::path& calibration_path);

@@ -129,6 +129,18 @@ TEST_F(KittiDriveTest, IdentifiesItsInput) {
   EXPECT_NE(IdOf(), id);
 }
 
+TEST_F(KittiDriveTest, KnowsTheIdsOfItsRanges) {
+  const auto drive = KittiDrive::Open(drive_).value();
+  const DriveId range = IdOf({.first = 1, .last = 2});
+  EXPECT_TRUE(drive->IsIdOfRange(drive->id(), 0, 3));
+  EXPECT_TRUE(drive->IsIdOfRange(range, 1, 1));
+  EXPECT_TRUE(drive->IsIdOfRange(range, 1, 2));
+  EXPECT_FALSE(drive->IsIdOfRange(range, 1, 3)) << "it ends before";
+  EXPECT_FALSE(drive->IsIdOfRange(range, 0, 2));
+  EXPECT_FALSE(drive->IsIdOfRange(range, 7, 7));
+  EXPECT_FALSE(drive->IsIdOfRange({range.value + 1}, 1, 2));
+}
+
 TEST_F(KittiDriveTest, ReadsColourSixteenBitJpegAndPgm) {
   cv::Mat colour, deep;
   cv::merge(std::vector<cv::Mat>(3, Noise(0)), colour);

@@ -22,9 +22,8 @@ struct MapAlignment {
   double rmse_m = 0;     ///< of their positions, after the alignment
 };
 
-/// `truth` has time stamps, ascending, of the clock of the map's keyframes; those within 0.02 s
-/// belong together (AlignTrajectories). Errors: FailedPrecondition when fewer than three keyframes
-/// have a true pose.
+/// As FindTrueKeyframes and AlignTrajectories. Errors: FailedPrecondition when fewer than three
+/// keyframes have a true pose.
 absl::StatusOr<MapAlignment> AlignMapToTruth(const LeanMap& map, const Trajectory& truth);
 
 struct LocalizationError {

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -55,6 +56,18 @@ double SquaredMahalanobis(const Eigen::Matrix<double, size, 1>& error,
 }
 
 }  // namespace
+
+LeanMap KeyframesOf(const LeanMap& map, const std::vector<DriveId>& drives) {
+  const auto is_of_them = [&](DriveId id) {
+    return std::find(drives.begin(), drives.end(), id) != drives.end();
+  };
+  LeanMap part;
+  std::copy_if(map.drives.begin(), map.drives.end(), std::back_inserter(part.drives),
+               [&](const LeanDrive& drive) { return is_of_them(drive.id); });
+  std::copy_if(map.keyframes.begin(), map.keyframes.end(), std::back_inserter(part.keyframes),
+               [&](const LeanKeyframe& keyframe) { return is_of_them(keyframe.id.drive); });
+  return part;
+}
 
 std::vector<TrueKeyframe> FindTrueKeyframes(const LeanMap& map, const Trajectory& truth) {
   std::vector<TrueKeyframe> keyframes;

@@ -23,8 +23,13 @@ struct TrueKeyframe {
   Rigid3 map_from_camera, world_from_camera;
 };
 
-/// `truth` has time stamps, ascending, of the clock of the map's keyframes; those within 0.02 s
-/// belong together. Keyframes without a true pose are left out.
+/// The part of the map that these drives made: its keyframes, without landmarks. Drives that were
+/// made in one world share clocks, so that times do not tell whose keyframe it is.
+LeanMap KeyframesOf(const LeanMap& map, const std::vector<DriveId>& drives);
+
+/// `map` holds keyframes of the drive whose truth it is (KeyframesOf). `truth` has time
+/// stamps, ascending, of the clock of the keyframes; those within 0.02 s belong together. Keyframes
+/// without a true pose are left out.
 std::vector<TrueKeyframe> FindTrueKeyframes(const LeanMap& map, const Trajectory& truth);
 
 /// FailedPrecondition unless there are at least three.

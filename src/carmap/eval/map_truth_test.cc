@@ -112,6 +112,23 @@ TEST(MapTruth, AveragesTheKeyframesNoise) {
   EXPECT_GT(std::sqrt(sum_of_squares_deg), 0.3 * one_keyframe_deg);
 }
 
+TEST(MapTruth, KnowsWhoseKeyframesTheTruthIsOf) {
+  // Another drive on the same clock, 40 m aside.
+  LeanMap map = DriftedMap(40);
+  map.drives.push_back({{9}, {}});
+  for (LeanKeyframe keyframe : DriftedMap(40).keyframes) {
+    keyframe.id.drive = {9};
+    keyframe.map_from_camera.translation.y() += 40;
+    map.keyframes.push_back(keyframe);
+  }
+  const LeanMap part = KeyframesOf(map, {{7}});
+  EXPECT_EQ(part.drives.size(), 1u);
+  EXPECT_EQ(part.keyframes.size(), 20u);
+  EXPECT_LT(AlignMapToTruth(part, TruthOf(40))->rmse_m, 0.1);
+  EXPECT_EQ(KeyframesOf(map, {{7}, {9}}).keyframes.size(), 40u);
+  EXPECT_TRUE(KeyframesOf(map, {{8}}).keyframes.empty());
+}
+
 TEST(MapTruth, RefusesTruthOfAnotherDrive) {
   Trajectory truth = TruthOf(20);
   for (TimedPose& pose : truth) pose.timestamp->ns += 36'000'000;
