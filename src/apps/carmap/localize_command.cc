@@ -36,7 +36,9 @@
 #include "carmap/semantics/segmenter_choice.h"
 #include "carmap/slam/drive_mapper.h"
 #include "carmap/slam/drive_sample.h"
+#include "carmap/slam/fix_judgement.h"
 #include "carmap/slam/frame_extraction.h"
+#include "carmap/slam/georeference_map.h"
 #include "carmap/vehicle/base_tracker.h"
 
 namespace carmap {
@@ -105,7 +107,8 @@ struct LocalizedDrive {
   std::optional<LabellingSummary> labelling;  ///< of the vehicle's own keyframes
   DriveHealth health;
   RowMisalignment undone;  ///< of the right images
-  std::string failure;     ///< why it ends before the drive: an exception, in one line
+  std::optional<GpsUse> gps;  ///< by where the map lies on the Earth
+  std::string failure;        ///< why it ends before the drive: an exception, in one line
 
   size_t localized() const { return by_map + by_dead_reckoning; }
 };
@@ -198,6 +201,10 @@ LocalizedDrive LocalizeDrive(KittiDrive& drive, const LoadedMap& loaded,
   localizer.drive().labelling = localizer.labelling();
   localizer.drive().health = localizer.Health();
   localizer.drive().undone = misalignment;
+  if (drive.gps() != nullptr) {
+    localizer.drive().gps =
+        JudgeFixes(*drive.gps(), localizer.drive().trajectory, GeoreferenceOf(loaded.lean, {}), {});
+  }
   return std::move(localizer.drive());
 }
 
@@ -267,6 +274,7 @@ nlohmann::ordered_json ToJson(const LoadedMap& loaded, const LocalizedDrive& loc
   report["peak_rss_mb"] = PeakMemoryMb();
   report["health"] = ToJson(localized.health);
   report["misalignment_undone"] = ToJson(localized.undone);
+  if (localized.gps) report["gps"] = ToJson(*localized.gps);
   report["unusable_frames"] = ToJson(localized.unusable_frames);
   report["lost_frames"] = ToJson(localized.lost_frames);
   if (!localized.failure.empty()) report["failure"] = localized.failure;

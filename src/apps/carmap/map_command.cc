@@ -244,6 +244,7 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const Arguments& ar
     report["parts"].push_back({{"first_index", part.first_index}, {"keyframes", part.keyframes}});
   }
   report["loops"] = ToJson(run.mapped.loops, run.mapped.rejected_loop_keyframes);
+  if (run.mapped.gps) report["gps"] = ToJson(*run.mapped.gps);
   if (run.mapped.georeference) {
     report["georeference"] = ToJson(run.mapped.map, *run.mapped.georeference);
   }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "carmap/base/summary.h"
+#include "carmap/dataset/gps_use.h"
 #include "carmap/dataset/trajectory.h"
 #include "carmap/eval/map_picture.h"
 #include "carmap/map/lean_map.h"
@@ -31,6 +32,9 @@ std::string BytesText(double bytes);
 
 /// [{index reason}]
 nlohmann::ordered_json ToJson(const std::vector<LostFrame>& lost_frames);
+
+/// {rows without_fix frozen outliers used clock clock_offset_s}, and contradiction if there is one.
+nlohmann::ordered_json ToJson(const GpsUse& gps);
 
 /// A line for each of the first ten stretches lost for one reason on standard error, then how many
 /// there are in all.

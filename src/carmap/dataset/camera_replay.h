@@ -24,6 +24,7 @@ class CameraReplay : public FrameSource {
 
   const StereoRig& rig() const override { return source_.rig(); }
   std::optional<size_t> frame_count() const override { return source_.frame_count(); }
+  const GpsLog* gps() const override { return source_.gps(); }
   std::optional<StereoFrame> Next() override;
 
   /// To be read once the drive is over.

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "carmap/base/time.h"
+#include "carmap/dataset/gps_log.h"
 #include "carmap/geometry/camera.h"
 #include "carmap/geometry/geodesy.h"
 
@@ -28,6 +29,9 @@ class FrameSource {
   virtual const StereoRig& rig() const = 0;
   /// How many frames Next will give altogether, if the source knows its end.
   virtual std::optional<size_t> frame_count() const { return std::nullopt; }
+  /// The whole record of the drive's receiver, from which frames take their fixes; null if there is
+  /// none.
+  virtual const GpsLog* gps() const { return nullptr; }
   /// The next frame, numbers and times ascending, also one that cannot be read: its status tells.
   /// Nothing at the end. A live source waits.
   virtual std::optional<StereoFrame> Next() = 0;

@@ -253,6 +253,7 @@ absl::Status CheckPrincipalPoint(const fs::path& path, const PinholeCamera& came
 
 // --- gps.txt ---
 
+<<<<<<< HEAD
 struct TimedFix {
   Timestamp time;
   GpsFix fix;
@@ -332,13 +333,14 @@ std::optional<GpsFix> FixAt(const std::vector<TimedFix>& fixes, Timestamp time) 
 absl::StatusOr<std::vector<std::optional<GpsFix>>> ReadGps(const fs::path& path,
                                                            const std::vector<Timestamp>& times) {
   std::vector<std::optional<GpsFix>> gps;
+=======
+/// Nothing if there is no file.
+absl::StatusOr<std::optional<GpsLog>> ReadGps(const fs::path& path,
+                                              const std::vector<Timestamp>& times) {
+>>>>>>> d434aed (gps: rows that are wrong do not reach the map)
   std::error_code error;
-  if (!fs::exists(path, error)) return gps;
-  CARMAP_ASSIGN_OR_RETURN(std::vector<TimedFix> fixes, ReadFixes(path));
-  ShiftToFrameTimes(times, fixes);
-  gps.reserve(times.size());
-  for (const Timestamp time : times) gps.push_back(FixAt(fixes, time));
-  return gps;
+  if (!fs::exists(path, error)) return std::nullopt;
+  return GpsLog::Read(path, times);
 }
 
 // --- poses.txt ---
@@ -486,7 +488,7 @@ std::optional<StereoFrame> KittiDrive::Next() {
 
 StereoFrame KittiDrive::Read(uint32_t index) const {
   StereoFrame frame{.index = index, .timestamp = times_[index]};
-  if (!gps_.empty()) frame.gps = gps_[index];
+  if (gps_) frame.gps = gps_->At(times_[index]);
   const auto fault = faults_.find(index);
   frame.status = fault == faults_.end() ? ReadPair(index, frame) : fault->second;
   return frame;

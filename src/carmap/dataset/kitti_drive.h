@@ -5,11 +5,7 @@
 //   DRIVE/calib.txt              lines `P0:` and `P1:`, 3×4 row-major projection matrices
 //   DRIVE/times.txt              seconds, one line a frame, ascending
 //   DRIVE/poses.txt              optional ground truth, KITTI form, one line a frame
-//   DRIVE/gps.txt                optional: `time latitude longitude altitude …`, # comments; times
-//   of
-//                                the camera's clock or, if they do not meet the drive's, counted
-//                                from the first row. A frame takes the fix interpolated from rows
-//                                within 0.15 s.
+//   DRIVE/gps.txt                optional GPS fixes (gps_log.h)
 //
 // A drive without image_0 and image_1 may have image_2 and image_3 with `P2:` and `P3:`.
 //
@@ -28,6 +24,7 @@
 
 #include "carmap/base/ids.h"
 #include "carmap/dataset/frame_source.h"
+#include "carmap/dataset/gps_log.h"
 #include "carmap/dataset/trajectory.h"
 
 namespace carmap {
@@ -50,6 +47,7 @@ class KittiDrive : public FrameSource {
 
   const StereoRig& rig() const override { return rig_; }
   std::optional<size_t> frame_count() const override { return size(); }
+  const GpsLog* gps() const override { return gps_ ? &*gps_ : nullptr; }
   std::optional<StereoFrame> Next() override;
 
   /// The frame of this number, of the range, whatever was read before. Thread-safe.
@@ -86,7 +84,7 @@ class KittiDrive : public FrameSource {
   int used_bits_ = 8;  ///< of grey levels of 16 bits
   std::vector<Timestamp> times_;
   std::map<uint32_t, absl::Status> faults_;  ///< of frames that cannot be used
-  std::vector<std::optional<GpsFix>> gps_;   ///< by frame number; empty if there is no gps.txt
+  std::optional<GpsLog> gps_;                ///< absent if there is no gps.txt
   Trajectory truth_;
   StereoRig rig_;
   DriveId id_;

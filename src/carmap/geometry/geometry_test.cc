@@ -4,6 +4,7 @@
 
 #include "carmap/geometry/camera.h"
 #include "carmap/geometry/geodesy.h"
+#include "carmap/geometry/median_place.h"
 #include "carmap/geometry/rigid3.h"
 
 namespace carmap {
@@ -50,6 +51,18 @@ TEST(StereoRigTest, JacobianAgreesWithDifferences) {
     const Vector3d numeric = (kRig.Project(p + step) - kRig.Project(p - step)) / 2e-6;
     EXPECT_LT((jacobian.col(axis) - numeric).norm(), 1e-5) << "axis " << axis;
   }
+}
+
+TEST(MedianPlaceTest, LiesAmongMostFixesWhereverTheOthersAre) {
+  const GpsFix place{49.015, 8.4343, 116};
+  EXPECT_LT(LocalEnu(place).FromGps(MedianPlace({place})).norm(), 1e-6);
+  EXPECT_LT(LocalEnu(place)
+                .FromGps(MedianPlace({{52.5, 13.4, 30}, place, {-33, 151, 9}, place, place}))
+                .norm(),
+            1e-6);
+  // At the date line, where a mean of longitudes would lie on the other side of the Earth.
+  const GpsFix middle = MedianPlace({{-17, 179.9999, 5}, {-17, 180, 5}, {-17, -179.9999, 5}});
+  EXPECT_LT(LocalEnu({-17, 180, 5}).FromGps(middle).norm(), 0.01);
 }
 
 TEST(LocalEnuTest, EastIsXAndRoundTrips) {

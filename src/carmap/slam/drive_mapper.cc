@@ -164,12 +164,22 @@ TrackedFrame DriveMapper::TrackOrRecover(const ExtractedFrame& frame) {
   return found ? tracker_.Resume(frame.timestamp, *found) : tracked;
 }
 
+/// The frame's fix, unless the receiver only repeats itself.
+std::optional<GpsFix> DriveMapper::FreshFix(const ExtractedFrame& frame,
+                                            const TrackedFrame& tracked) {
+  const bool is_placed = tracked.reference || tracked.wants_keyframe || tracked.begins_part;
+  if (!frame.gps || !is_placed) return frame.gps;
+  const Eigen::Vector3d& p_in_map = tracked.map_from_camera.translation;
+  return freeze_detector_.IsFrozen(*frame.gps, p_in_map) ? std::nullopt : frame.gps;
+}
+
 /// Hands the frame to the mapper if it is to be a keyframe; else the map moves along with it.
 void DriveMapper::FollowUp(const ExtractedFrame& frame, TrackedFrame& tracked) {
+  const std::optional<GpsFix> fix = FreshFix(frame, tracked);
   if (tracked.wants_keyframe || tracked.begins_part) {
     const KeyframeId id{drive_id_, frame.index};
     NewKeyframe keyframe{
-        .keyframe = {id, frame.timestamp, tracked.map_from_camera, frame.gps, frame.features},
+        .keyframe = {id, frame.timestamp, tracked.map_from_camera, fix, frame.features},
         .landmark_of_feature = tracked.landmark_of_feature,
         .begins_part = tracked.begins_part,
         .gap = tracked.gap};

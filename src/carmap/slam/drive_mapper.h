@@ -17,12 +17,17 @@
 #include <vector>
 
 #include "carmap/base/ids.h"
+#include "carmap/dataset/gps_use.h"
 #include "carmap/dataset/trajectory.h"
 #include "carmap/feature/stereo_features.h"
 #include "carmap/geometry/camera.h"
 #include "carmap/map/map.h"
 #include "carmap/semantics/keyframe_labeller.h"
+<<<<<<< HEAD
 #include "carmap/slam/drive_health.h"
+=======
+#include "carmap/slam/fix_judgement.h"
+>>>>>>> d434aed (gps: rows that are wrong do not reach the map)
 #include "carmap/slam/frame_extraction.h"
 #include "carmap/slam/georeference_map.h"
 #include "carmap/slam/local_mapper.h"
@@ -74,6 +79,7 @@ struct MappedDrive {
   std::vector<Loop> loops;                    ///< that were closed
   size_t rejected_loop_keyframes = 0;         ///< see LoopDetector::rejected_count
   std::optional<Georeference> georeference;   ///< where GPS fixes tell it
+  std::optional<GpsUse> gps;                  ///< where there is a record of a receiver
   std::optional<LabellingSummary> labelling;  ///< where keyframes were to be labelled
   /// Why the map ends before the drive or was not adjusted as a whole: an exception, in one line.
   std::string failure;
@@ -119,6 +125,7 @@ class DriveMapper {
 
   TrackedFrame TrackOrRecover(const ExtractedFrame& frame);
   void FollowUp(const ExtractedFrame& frame, TrackedFrame& tracked);
+  std::optional<GpsFix> FreshFix(const ExtractedFrame& frame, const TrackedFrame& tracked);
   void CountTimes(const ExtractedFrame& frame, double track_ms);
   void TakeHealth(const ExtractedFrame& frame, const TrackedFrame& tracked);
   void FinishFrames();
@@ -139,6 +146,7 @@ class DriveMapper {
   Tracker tracker_;
   std::optional<KeyframeLabeller> labeller_;
   std::unique_ptr<MappingStage> mapping_;
+  FreezeDetector freeze_detector_;
   TrackedFrame tracked_;
   double last_frame_ms_ = 0;
   std::vector<TakenFrame> frames_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "carmap/geometry/median_place.h"
 #include "carmap/solve/georeference.h"
 
 namespace carmap {
@@ -21,21 +22,36 @@ size_t CountTogether(const std::vector<double>& times_s, double time_s, double c
 
 }  // namespace
 
-std::optional<Georeference> GeoreferenceOf(const Map& map, const GpsOptions& options) {
-  std::optional<GpsFix> origin;
-  std::optional<LocalEnu> enu;
-  std::vector<CameraFix> fixes;
-  for (const auto& [id, keyframe] : map.keyframes()) {
-    if (!keyframe.gps) continue;
-    if (!origin) {
-      origin = keyframe.gps;
-      enu.emplace(*origin);
-    }
-    fixes.push_back({keyframe.map_from_camera, enu->FromGps(*keyframe.gps), SigmaOf(options)});
+std::optional<Georeference> GeoreferenceOf(const std::vector<PlacedFix>& fixes,
+                                           const GpsOptions& options) {
+  if (fixes.empty()) return std::nullopt;
+  std::vector<GpsFix> places;
+  for (const PlacedFix& placed : fixes) places.push_back(placed.fix);
+  const GpsFix origin = MedianPlace(places);
+  const LocalEnu enu(origin);
+  std::vector<CameraFix> camera_fixes;
+  for (const auto& [map_from_camera, fix] : fixes) {
+    camera_fixes.push_back({map_from_camera, enu.FromGps(fix), SigmaOf(options)});
   }
-  const auto enu_from_map = AlignToFixes(fixes, options.min_extent_m);
+  const auto enu_from_map = AlignToFixes(camera_fixes, options.min_extent_m);
   if (!enu_from_map) return std::nullopt;
-  return Georeference{*origin, *enu_from_map};
+  return Georeference{origin, *enu_from_map};
+}
+
+std::optional<Georeference> GeoreferenceOf(const Map& map, const GpsOptions& options) {
+  std::vector<PlacedFix> fixes;
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    if (keyframe.gps) fixes.push_back({keyframe.map_from_camera, *keyframe.gps});
+  }
+  return GeoreferenceOf(fixes, options);
+}
+
+std::optional<Georeference> GeoreferenceOf(const LeanMap& map, const GpsOptions& options) {
+  std::vector<PlacedFix> fixes;
+  for (const LeanKeyframe& keyframe : map.keyframes) {
+    if (keyframe.gps) fixes.push_back({keyframe.map_from_camera, *keyframe.gps});
+  }
+  return GeoreferenceOf(fixes, options);
 }
 
 std::vector<PositionPrior> FixesAsPriors(const Map& map, const GpsOptions& options) {

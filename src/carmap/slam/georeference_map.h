@@ -29,8 +29,18 @@ struct Georeference {
   Rigid3 enu_from_map;
 };
 
-/// Nothing if too few keyframes have fixes, or these do not agree with the map.
+/// A camera of the drive and the fix taken there.
+struct PlacedFix {
+  Rigid3 map_from_camera;
+  GpsFix fix;
+};
+
+/// Nothing if the fixes are too few, or most of them do not agree with the way through the map
+/// (AlignToFixes). Its origin lies amidst the fixes; single ones may be anywhere on the Earth.
+std::optional<Georeference> GeoreferenceOf(const std::vector<PlacedFix>& fixes,
+                                           const GpsOptions& options);
 std::optional<Georeference> GeoreferenceOf(const Map& map, const GpsOptions& options);
+std::optional<Georeference> GeoreferenceOf(const LeanMap& map, const GpsOptions& options);
 
 /// The fixes in the map's frame, as priors of the poses of all keyframes in the map's order. Empty
 /// where there is no georeference.

@@ -83,6 +83,26 @@ TEST(GeoreferenceMap, FixesFarOffDoNotBendIt) {
   EXPECT_EQ(std::count_if(errors_m.begin(), errors_m.end(), [](double e) { return e > 40; }), 36);
 }
 
+TEST(GeoreferenceMap, AFixElsewhereOnTheEarthChangesNothing) {
+  const GpsFix elsewhere[] = {{52.52, 13.4, 30}, {49.511, 8.416, 115}, {-33.9, 151.2, 10}};
+  for (const GpsFix& wrong : elsewhere) {
+    for (const int index : {0, 50, kCount - 1}) {
+      const Map map =
+          MapWithFixes([&](int i, const auto& p) { return i == index ? wrong : ExactFix(p); });
+      const auto georeference = GeoreferenceOf(map, {});
+      ASSERT_TRUE(georeference) << index;
+      EXPECT_LT(WorstErrorM(map, *georeference), 0.01) << index;
+    }
+  }
+}
+
+TEST(GeoreferenceMap, FixesOfAnotherWayTellNothing) {
+  // Of a street that is half as long again.
+  const Map map = MapWithFixes([](int, const auto& p) { return ExactFix(1.5 * p); });
+  EXPECT_FALSE(GeoreferenceOf(map, {}));
+  EXPECT_THAT(FixesAsPriors(map, {}), IsEmpty());
+}
+
 TEST(GeoreferenceMap, TooFewFixesOrTooNearTellNothing) {
   const auto none = MapWithFixes([](int, const auto&) { return std::nullopt; });
   const auto near = MapWithFixes([](int i, const auto& p) {

@@ -4,6 +4,7 @@
 
 #include "carmap/base/exceptions.h"
 #include "carmap/base/status_macros.h"
+#include "carmap/slam/fix_judgement.h"
 #include "carmap/slam/frame_extraction.h"
 
 namespace carmap {
@@ -21,6 +22,10 @@ absl::StatusOr<MappedDrive> MapDrive(FrameSource& source, DriveId drive_id,
   if (!driven.ok() && mapper.keyframe_count() == 0) return driven;
   CARMAP_ASSIGN_OR_RETURN(MappedDrive mapped, mapper.Finish());
   mapped.stage_ms["read"] = frames.read_ms();
+  if (source.gps() != nullptr) {
+    mapped.gps =
+        JudgeFixes(*source.gps(), mapped.trajectory, mapped.georeference, options.loops.gps);
+  }
   if (!driven.ok()) mapped.failure = std::string(driven.message());
   return mapped;
 }

@@ -49,7 +49,7 @@ class Alignment {
       drift_m_ = drift_ratio * length_m_;
       for (int i = 0; i < kRefinements; ++i) Refine(*best);
     }
-    if (!(ExtentOfInliers(*best) >= min_extent_m)) return std::nullopt;
+    if (!(ExtentOfInliers(*best) >= min_extent_m) || !MostAgree(*best)) return std::nullopt;
     return best;
   }
 
@@ -112,6 +112,17 @@ class Alignment {
     if (!step.allFinite()) return;
     const Rigid3 from_origin{Eigen::Quaterniond::Identity(), origin};
     enu_from_map = from_origin * Perturb(from_origin.Inverse() * enu_from_map, step);
+  }
+
+  /// By a bound that half of the fixes of another path would hardly keep, if it spans as much.
+  bool MostAgree(const Rigid3& enu_from_map) const {
+    constexpr double kMaxSigmas = 2;
+    size_t agreeing = 0;
+    for (size_t i = 0; i < fixes_.size(); ++i) {
+      const Eigen::Vector3d error = enu_from_map * Center(i) - fixes_[i].p_in_enu;
+      agreeing += error.cwiseProduct(InverseSigma(i)).head<2>().norm() <= kMaxSigmas;
+    }
+    return 2 * agreeing > fixes_.size();
   }
 
   double ExtentOfInliers(const Rigid3& enu_from_map) const {

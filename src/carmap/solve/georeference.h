@@ -24,7 +24,9 @@ struct CameraFix {
 /// agree, refined together with the tilt. Up to half of the fixes may be anywhere. The path may
 /// have drifted by some per cent of its length.
 ///
-/// Nothing if the fixes that agree span less than `min_extent_m`: they tell no heading.
+/// Nothing if the fixes that agree span less than `min_extent_m`: they tell no heading; nor if most
+/// fixes are further off, horizontally, than two standard deviations: then they are not of this
+/// path.
 std::optional<Rigid3> AlignToFixes(const std::vector<CameraFix>& fixes, double min_extent_m = 30,
                                    uint64_t seed = 1);
 
