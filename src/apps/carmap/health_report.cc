@@ -39,6 +39,32 @@ nlohmann::ordered_json ToJson(const MotionHealth& motion) {
           {"jump_index", motion.jump_index}};
 }
 
+const char* WordOf(GpsClock clock) {
+  switch (clock) {
+    case GpsClock::kCamera:
+      return "camera";
+    case GpsClock::kStartTogether:
+      return "start_together";
+    case GpsClock::kTimeZone:
+      return "time_zone";
+    case GpsClock::kOfAnotherDay:
+      break;
+  }
+  return "of_another_day";
+}
+
+nlohmann::ordered_json ToJson(const GpsUse& gps) {
+  nlohmann::ordered_json json = {{"rows", gps.rows},
+                                 {"without_fix", gps.without_fix},
+                                 {"frozen", gps.frozen},
+                                 {"outliers", gps.outliers},
+                                 {"used", gps.used},
+                                 {"clock", WordOf(gps.clock)},
+                                 {"clock_offset_s", gps.clock_offset_s}};
+  if (!gps.contradiction.empty()) json["contradiction"] = gps.contradiction;
+  return json;
+}
+
 }  // namespace
 
 nlohmann::ordered_json ToJson(const std::vector<Suspicion>& suspicions) {
@@ -53,14 +79,16 @@ nlohmann::ordered_json ToJson(const std::vector<Suspicion>& suspicions) {
   return list;
 }
 
-nlohmann::ordered_json ToJson(const DriveHealth& health) {
-  return {{"cameras", ToJson(health.pairs)},
-          {"depth_share", health.depth_share},
-          {"near_share", health.near_share},
-          {"keyframes_per_m", health.keyframes_per_m},
-          {"disparity_bias_at_bound", health.is_bias_at_bound},
-          {"motion", ToJson(health.motion)},
-          {"suspect", ToJson(health.suspicions)}};
+nlohmann::ordered_json ToJson(const DriveHealth& health, const std::optional<GpsUse>& gps) {
+  nlohmann::ordered_json json = {{"cameras", ToJson(health.pairs)},
+                                 {"depth_share", health.depth_share},
+                                 {"near_share", health.near_share},
+                                 {"keyframes_per_m", health.keyframes_per_m},
+                                 {"disparity_bias_at_bound", health.is_bias_at_bound},
+                                 {"motion", ToJson(health.motion)},
+                                 {"suspect", ToJson(health.suspicions)}};
+  if (gps) json["gps"] = ToJson(*gps);
+  return json;
 }
 
 nlohmann::ordered_json ToJson(const RowMisalignment& undone) {
@@ -75,7 +103,7 @@ void PrintUndone(const RowMisalignment& undone) {
       undone.down / kDegree, undone.turn / kDegree);
 }
 
-void PrintHealth(const DriveHealth& health) {
+void PrintHealth(const DriveHealth& health, const std::optional<GpsUse>& gps) {
   const std::string faults = NamesOf(health.faults());
   fmt::print(
       "health        {}: rows {:+.1f} px apart, {:.0f} % of features with depth, {:.0f} % of "

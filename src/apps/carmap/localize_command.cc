@@ -106,7 +106,7 @@ struct LocalizedDrive {
   FramePicture best_frame;                    ///< the one with most landmarks
   std::optional<LabellingSummary> labelling;  ///< of the vehicle's own keyframes
   DriveHealth health;
-  RowMisalignment undone;  ///< of the right images
+  RowMisalignment undone;     ///< of the right images
   std::optional<GpsUse> gps;  ///< by where the map lies on the Earth
   std::string failure;        ///< why it ends before the drive: an exception, in one line
 
@@ -272,9 +272,8 @@ nlohmann::ordered_json ToJson(const LoadedMap& loaded, const LocalizedDrive& loc
   report["map_bytes"] = loaded.bytes;
   report["frame_ms"] = ToJson(Summarize(localized.frame_ms));
   report["peak_rss_mb"] = PeakMemoryMb();
-  report["health"] = ToJson(localized.health);
+  report["health"] = ToJson(localized.health, localized.gps);
   report["misalignment_undone"] = ToJson(localized.undone);
-  if (localized.gps) report["gps"] = ToJson(*localized.gps);
   report["unusable_frames"] = ToJson(localized.unusable_frames);
   report["lost_frames"] = ToJson(localized.lost_frames);
   if (!localized.failure.empty()) report["failure"] = localized.failure;
@@ -359,7 +358,7 @@ void PrintSummary(const LoadedMap& loaded, const LocalizedDrive& localized,
              loaded.decode_ms, loaded.rebuild_ms);
   fmt::print("frame         {} ms\n", ToText(Summarize(localized.frame_ms), 1));
   PrintUndone(localized.undone);
-  PrintHealth(localized.health);
+  PrintHealth(localized.health, localized.gps);
   if (!error) return;
   fmt::print("position      {} m off\n", ToText(error->position_m, 3));
   fmt::print("rotation      {} deg off\n", ToText(error->rotation_deg, 3));
@@ -417,12 +416,14 @@ absl::Status CheckFiles(const Arguments& arguments) {
 bool CheckComplete(const LocalizedDrive& localized, const Arguments& arguments,
                    const OutputFiles& files) {
   const bool is_sound = CheckSound(localized.health.suspicions, arguments.drive);
+  const bool agrees_with_gps = CheckGps(localized.gps, arguments.drive);
   PrintLostFrames(arguments.drive, localized.unusable_frames);
   const bool is_whole = CheckWhole(localized.failure, arguments.drive);
   const bool is_filtered = CheckLabelling(localized.labelling, arguments.segmenter,
                                           "the vehicle may have tracked itself by traffic");
   const bool is_written = files.Finish();
-  return is_whole && is_filtered && is_sound && is_written && localized.unusable_frames.empty();
+  return is_whole && is_filtered && is_sound && agrees_with_gps && is_written &&
+         localized.unusable_frames.empty();
 }
 
 absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
@@ -524,7 +525,7 @@ Examples:
 `health` tells, as `carmap map` does, what the drive shows of its own soundness.
 
 Exit codes: 0 done, 1 error or no frame found, 2 wrong usage, 3 done but without unusable images,
-the drive is suspect, the segmenter failed, or a file could not be written)",
+the drive is suspect or its GPS contradicts it, the segmenter failed, or a file could not be written)",
       kSegmenterHelp));
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return RunLocalize(*arguments); }; });

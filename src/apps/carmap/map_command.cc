@@ -236,7 +236,7 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const Arguments& ar
                                  {"no_keyframe_features", composition.no_keyframe_features},
                                  {"lean", composition.lean}};
   report["disparity_bias_px"] = {bias.x(), bias.y(), bias.z()};
-  report["health"] = ToJson(run.mapped.health);
+  report["health"] = ToJson(run.mapped.health, run.mapped.gps);
   report["misalignment_undone"] = ToJson(run.undone);
   report["lost_frames"] = ToJson(run.mapped.lost_frames);
   if (!run.mapped.failure.empty()) report["failure"] = run.mapped.failure;
@@ -244,7 +244,6 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const Arguments& ar
     report["parts"].push_back({{"first_index", part.first_index}, {"keyframes", part.keyframes}});
   }
   report["loops"] = ToJson(run.mapped.loops, run.mapped.rejected_loop_keyframes);
-  if (run.mapped.gps) report["gps"] = ToJson(*run.mapped.gps);
   if (run.mapped.georeference) {
     report["georeference"] = ToJson(run.mapped.map, *run.mapped.georeference);
   }
@@ -308,7 +307,7 @@ void PrintSummary(const Run& run, size_t frames, const Arguments& arguments) {
                run.mapped.parts.size());
   }
   PrintUndone(run.undone);
-  PrintHealth(run.mapped.health);
+  PrintHealth(run.mapped.health, run.mapped.gps);
   if (!run.evaluation) return;
   if (run.evaluation->ate) {
     fmt::print("ground truth  absolute error {:.3f} m (RMSE)", run.evaluation->ate->rmse_m);
@@ -340,12 +339,14 @@ void WriteOthers(const Run& run, const KittiDrive& drive, const Arguments& argum
 /// Whether nothing of what was asked for is missing; says on standard error what is.
 bool CheckComplete(const Run& run, const Arguments& arguments, const OutputFiles& files) {
   const bool is_sound = CheckSound(run.mapped.health.suspicions, arguments.drive);
+  const bool agrees_with_gps = CheckGps(run.mapped.gps, arguments.drive);
   PrintLostFrames(arguments.drive, run.mapped.lost_frames);
   const bool is_whole = CheckWhole(run.mapped.failure, arguments.drive);
   const bool is_filtered = CheckLabelling(run.mapped.labelling, arguments.segmenter,
                                           "the map may hold what was parked or moved");
   const bool is_written = files.Finish();
-  return is_whole && is_filtered && is_sound && is_written && run.mapped.lost_frames.empty();
+  return is_whole && is_filtered && is_sound && agrees_with_gps && is_written &&
+         run.mapped.lost_frames.empty();
 }
 
 absl::StatusOr<ExitCode> RunMap(const Arguments& arguments) {
@@ -460,7 +461,7 @@ Examples:
   carmap map kitti06_000-050 --first 18 --last 50 --out part.cmap --report part.json
 
 Exit codes: 0 done, 1 error (no map is written, unless only standard output cannot be), 2 wrong
-usage, 3 map written but frames were lost, the drive is suspect, the segmenter failed, or another
+usage, 3 map written but frames were lost, the drive is suspect or its GPS contradicts it, the segmenter failed, or another
 file could not be written)",
       kSegmenterHelp));
   command->callback([arguments, &chosen] { chosen = [arguments] { return RunMap(*arguments); }; });

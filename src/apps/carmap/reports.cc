@@ -11,24 +11,6 @@
 #include "apps/carmap/outputs.h"
 
 namespace carmap {
-namespace {
-
-const char* WordOf(GpsClock clock) {
-  switch (clock) {
-    case GpsClock::kCamera:
-      return "camera";
-    case GpsClock::kStartTogether:
-      return "start_together";
-    case GpsClock::kTimeZone:
-      return "time_zone";
-    case GpsClock::kOfAnotherDay:
-      break;
-  }
-  return "of_another_day";
-}
-
-}  // namespace
-
 nlohmann::ordered_json ToJson(const Summary& summary) {
   return {{"median", summary.median},
           {"mean", summary.mean},
@@ -87,18 +69,6 @@ std::vector<LostRange> RangesOf(const std::vector<LostFrame>& lost_frames) {
 }
 
 }  // namespace
-
-nlohmann::ordered_json ToJson(const GpsUse& gps) {
-  nlohmann::ordered_json json = {{"rows", gps.rows},
-                                 {"without_fix", gps.without_fix},
-                                 {"frozen", gps.frozen},
-                                 {"outliers", gps.outliers},
-                                 {"used", gps.used},
-                                 {"clock", WordOf(gps.clock)},
-                                 {"clock_offset_s", gps.clock_offset_s}};
-  if (!gps.contradiction.empty()) json["contradiction"] = gps.contradiction;
-  return json;
-}
 
 void PrintLostFrames(const std::string& drive, const std::vector<LostFrame>& lost_frames) {
   constexpr size_t kMaxLines = 10;

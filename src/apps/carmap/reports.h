@@ -33,9 +33,6 @@ std::string BytesText(double bytes);
 /// [{index reason}]
 nlohmann::ordered_json ToJson(const std::vector<LostFrame>& lost_frames);
 
-/// {rows without_fix frozen outliers used clock clock_offset_s}, and contradiction if there is one.
-nlohmann::ordered_json ToJson(const GpsUse& gps);
-
 /// A line for each of the first ten stretches lost for one reason on standard error, then how many
 /// there are in all.
 void PrintLostFrames(const std::string& drive, const std::vector<LostFrame>& lost_frames);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "carmap/base/random.h"
+#include "carmap/sim/road/route_shapes.h"
 
 namespace carmap {
 namespace {

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "carmap/sim/road/route_shapes.h"
+
 namespace carmap {
 namespace {
 
