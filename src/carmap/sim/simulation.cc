@@ -235,7 +235,7 @@ const std::vector<SimulatedFix>& Simulation::fixes() const { return impl_->fixes
 SimulatedFrame Simulation::Render(size_t frame_idx) {
   const double gain = impl_->GainFor(frame_idx);
   const auto frame = static_cast<uint32_t>(frame_idx);
-  const auto& [left, right] = impl_->cameras;
+  const SimulatedCamera &left = impl_->cameras[0], &right = impl_->cameras[1];
   impl_->renderer->SetTraffic(impl_->traffic->At(frame_idx));
   SimulatedFrame result;
   auto views = impl_->renderer->RenderStereo(impl_->rig, impl_->ego.EnuFromCamera(frame_idx),

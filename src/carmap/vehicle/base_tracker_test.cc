@@ -18,9 +18,10 @@ const StreetNoise kNoise{.pixel_px = 0.4, .descriptor_bits = 6};
 /// A vehicle in a map: what it sees, and its own odometry, good to a centimetre a frame.
 class TestVehicle {
  public:
-  TestVehicle(const ReconstructedMap& map, const StereoRig& rig)
+  TestVehicle(const ReconstructedMap& map, const StereoRig& rig, double start_s = 0)
       : rig_(rig),
-        tracker_(map, rig, {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()}) {}
+        tracker_(map, rig, {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()}),
+        time_s_(start_s) {}
 
   VehiclePose Drive(const Street& street, const Rigid3& world_from_camera,
                     const StreetNoise& noise = kNoise) {
@@ -63,7 +64,7 @@ class TestVehicle {
   BaseTracker tracker_;
   StreetRandom random_{9};
   uint64_t frames_ = 0;
-  double time_s_ = 0;
+  double time_s_;
   std::optional<std::pair<double, Rigid3>> last_tracked_;
 };
 
@@ -186,6 +187,70 @@ TEST_F(BaseTrackerTest, DoesNotChooseBetweenFacadesThatRepeat) {
     const VehiclePose pose = vehicle.Drive(repeated, world_from_camera);
     if (pose.pose) {
       EXPECT_LT(PositionError(pose, world_from_camera), 1);
+    }
+  }
+}
+
+// Windows every 4 m, houses every 30 m, each the same but for a share of its corners.
+TEST(BaseTracker, FindsTheRightOneOfHousesOfOneKind) {
+  for (const double period_m : {4.0, 30.0}) {
+    for (const double own_share : {0.3, 0.7}) {
+      const Street street = WithRepeatedFacades(MakeStreet(8, 160), 0, 160, period_m, own_share);
+      const ReconstructedMap map = Reconstruct(
+          MapStreet(street, {5}, kStreetRig, DriveAlong(0, 0, 120), kMapFromWorld, kNoise));
+      TestVehicle vehicle(map, kStreetRig);
+      VehiclePose pose;
+      for (const Rigid3& world_from_camera : DriveAlong(1, 35, 100, 1.1)) {
+        pose = vehicle.Drive(street, world_from_camera);
+        if (pose.pose) {
+          EXPECT_LT(PositionError(pose, world_from_camera), 0.2) << period_m << " " << own_share;
+        }
+      }
+      if (own_share > 0.5) {  // less may be too little to tell them apart
+        EXPECT_EQ(pose.known_by, KnownBy::kMap) << period_m;
+      }
+    }
+  }
+}
+
+// Where all is the same it may not choose; what comes then tells.
+TEST(BaseTracker, KnowsWhereItIsBeyondHousesThatAreAllTheSame) {
+  const Street street = WithRepeatedFacades(MakeStreet(8, 220), 0, 120, 30);
+  const ReconstructedMap map =
+      Reconstruct(MapStreet(street, {5}, kStreetRig, DriveAlong(0, 0, 180), kMapFromWorld, kNoise));
+  TestVehicle vehicle(map, kStreetRig);
+  for (const Rigid3& world_from_camera : DriveAlong(0, 35, 165, 1)) {
+    const VehiclePose pose = vehicle.Drive(street, world_from_camera);
+    const double z_m = world_from_camera.translation.z();
+    if (pose.pose) {
+      EXPECT_LT(PositionError(pose, world_from_camera), 1) << z_m;
+    }
+    if (z_m > 135) {
+      EXPECT_EQ(pose.known_by, KnownBy::kMap) << z_m;
+    }
+  }
+}
+
+TEST_F(BaseTrackerTest, FollowsAMapOfAnotherScale) {
+  for (const double scale : {0.997, 1.001, 1.003}) {
+    const ReconstructedMap map = Reconstruct(Scaled(lean_, scale));
+    TestVehicle vehicle(map, kStreetRig);
+    for (const Rigid3& world_from_camera : DriveAlong(1, 3, 100, 1.1)) {
+      const VehiclePose pose = vehicle.Drive(street_, world_from_camera);
+      ASSERT_EQ(pose.known_by, KnownBy::kMap) << scale;
+      const Eigen::Vector3d there = scale * (kMapFromWorld * world_from_camera).translation;
+      EXPECT_LT((pose.pose->camera_from_base.Inverse().translation - there).norm(), 0.15) << scale;
+    }
+  }
+}
+
+TEST_F(BaseTrackerTest, DoesNotMindAClockThatIsHoursFromTheMaps) {
+  for (const double start_s : {-3 * 3600.0, 5 * 3600.0, 1.7e9}) {
+    TestVehicle vehicle(map_, kStreetRig, start_s);
+    for (const Rigid3& world_from_camera : DriveAlong(1, 3, 60, 1.1)) {
+      const VehiclePose pose = vehicle.Drive(street_, world_from_camera);
+      ASSERT_EQ(pose.known_by, KnownBy::kMap) << start_s;
+      EXPECT_LT(PositionError(pose, world_from_camera), 0.1) << start_s;
     }
   }
 }
