@@ -289,3 +289,4 @@ absl::StatusOr<MappedDrive> DriveMapper::Finish() {
 }
 
 }  // namespace carmap
+  for (const auto& [step, count] : mapper.left_out()) result_.left_out["map_" + step] = count;

@@ -85,6 +85,8 @@ struct MappedDrive {
   std::string failure;
   std::vector<double> frame_ms;            ///< from images in memory to the frame's pose
   std::map<std::string, double> stage_ms;  ///< total of each stage
+  /// Changes of the map that were left out since they no longer fitted it, by stage.
+  std::map<std::string, size_t> left_out;
 
   size_t tracked_frames() const { return trajectory.size() - lost_frames.size(); }
 };

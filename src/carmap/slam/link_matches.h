@@ -18,7 +18,7 @@ std::vector<std::optional<LandmarkId>> LandmarksOfCorners(const Map& map, Keyfra
 
 /// Records that keyframe `keyframe_id` sees the matched landmarks of `snapshot`: a feature of a
 /// free corner becomes an observation; a corner that belongs to another landmark shows that the two
-/// are the same.
+/// are the same, unless some keyframe sees both of them side by side.
 void LinkMatches(const Map& map, const MapSnapshot& snapshot, KeyframeId keyframe_id,
                  const std::vector<LandmarkMatch>& matches, MapEdit& edit);
 

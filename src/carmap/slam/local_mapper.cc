@@ -133,11 +133,14 @@ void LocalMapper::TakeLabels(const std::vector<LabelledKeyframe>& labelled) {
   ApplyStep("label", edit, 0);
 }
 
-void LocalMapper::Apply(const MapEdit& edit) { carmap::Apply(edit, map_).value(); }
+void LocalMapper::Apply(const char* step, const MapEdit& edit) {
+  const size_t left_out = carmap::Apply(edit, map_).value();  // none is of a version to come
+  if (left_out > 0) left_out_[step] += left_out;
+}
 
 void LocalMapper::ApplyStep(const char* step, const MapEdit& edit, double elapsed_ms) {
   const Stopwatch watch;
-  carmap::Apply(edit, map_).value();  // our own edits are of the present version
+  Apply(step, edit);
   step_ms_[step] += elapsed_ms + watch.ElapsedMs();
 }
 

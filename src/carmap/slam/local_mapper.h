@@ -101,8 +101,8 @@ class LocalMapper {
   /// Labels of keyframes, which vote on the landmarks that they see (§3.3).
   void TakeLabels(const std::vector<LabelledKeyframe>& labelled);
 
-  /// Applies an edit that was worked out elsewhere.
-  void Apply(const MapEdit& edit);
+  /// Applies an edit that was worked out elsewhere, as part of a step.
+  void Apply(const char* step, const MapEdit& edit);
 
   const Map& map() const { return map_; }
   /// Hands the map over. To be called last, once.
@@ -113,6 +113,8 @@ class LocalMapper {
   void CountTime(const char* step, double elapsed_ms) { step_ms_[step] += elapsed_ms; }
   /// Milliseconds spent in each step so far.
   const std::map<std::string, double>& step_ms() const { return step_ms_; }
+  /// Records of edits that no longer fitted the map, in each step that had any.
+  const std::map<std::string, size_t>& left_out() const { return left_out_; }
 
  private:
   MapEdit InsertKeyframe(const NewKeyframe& keyframe) const;
@@ -154,6 +156,7 @@ class LocalMapper {
   };
   absl::btree_map<KeyframeId, Anchor> anchors_;
   std::map<std::string, double> step_ms_;
+  std::map<std::string, size_t> left_out_;
 };
 
 }  // namespace carmap

@@ -30,8 +30,9 @@ void LoopCloser::Close(const Loop& loop, LocalMapper& mapper) {
   const Stopwatch watch;
   const Map& map = mapper.map();
   const MapEdit fused = FuseLoop(map, mapper.rig(), loop, options_.correction);
-  mapper.Apply(CorrectPoses(map, loop, FixesAsPriors(map, options_.gps), options_.correction));
-  mapper.Apply(fused);
+  mapper.Apply("close_loops",
+               CorrectPoses(map, loop, FixesAsPriors(map, options_.gps), options_.correction));
+  mapper.Apply("close_loops", fused);
   StartAdjustment(mapper);
   mapper.CountTime("close_loops", watch.ElapsedMs());
 }
@@ -50,7 +51,7 @@ void LoopCloser::TakeAdjustment(LocalMapper& mapper) {
   MapEdit edit = adjustment_->Finish();
   adjustment_.reset();
   KeepFirstKeyframe(mapper.map(), edit);
-  mapper.Apply(PropagateEdit(mapper.map(), std::move(edit)));
+  mapper.Apply("adjust_all", PropagateEdit(mapper.map(), std::move(edit)));
   mapper.CountTime("adjust_all", watch.ElapsedMs());
 }
 
@@ -60,7 +61,8 @@ void LoopCloser::Finish(LocalMapper& mapper) {
   if (adjustment_) TakeAdjustment(mapper);
   const auto fixes = FixesAsPriors(map, options_.gps);
   if (loops_.empty() && fixes.empty()) return;
-  if (!fixes.empty()) mapper.Apply(CorrectPoses(map, {}, fixes, options_.correction));
+  if (!fixes.empty())
+    mapper.Apply("close_loops", CorrectPoses(map, {}, fixes, options_.correction));
   if (!loops_.empty()) {
     StartAdjustment(mapper);
     TakeAdjustment(mapper);

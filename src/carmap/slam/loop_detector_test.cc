@@ -88,7 +88,7 @@ void ShareALandmarkWithEach(KeyframeId newest, RoundDrive& drive) {
     }
     ++feature_idx;
   }
-  drive.mapper().Apply(edit);
+  drive.mapper().Apply("test", edit);
 }
 
 TEST(LoopDetector, ALandmarkInCommonBarsNoPlace) {
