@@ -110,6 +110,15 @@ void PrintHealth(const DriveHealth& health, const std::optional<GpsUse>& gps) {
       "landmarks near, at most {:.1f} m/s^2\n",
       faults.empty() ? "sound" : "suspect, " + faults, health.pairs.row_offset_px,
       100 * health.depth_share, 100 * health.near_share, health.motion.max_acceleration_mps2);
+  if (!gps) return;
+  fmt::print("gps           {} of {} rows used, {} without a fix, {} frozen, {} astray\n",
+             gps->used, gps->rows, gps->without_fix, gps->frozen, gps->outliers);
+}
+
+bool CheckGps(const std::optional<GpsUse>& gps, const std::string& drive) {
+  if (!gps || gps->contradiction.empty()) return true;
+  PrintProblem(fmt::format("{}: gps.txt: {}", drive, gps->contradiction));
+  return false;
 }
 
 bool CheckSound(const std::vector<Suspicion>& suspicions, const std::string& drive) {

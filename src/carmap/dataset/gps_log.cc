@@ -17,7 +17,6 @@ namespace {
 
 constexpr uint64_t kMaxTextBytes = uint64_t{1} << 27;
 constexpr int64_t kMaxFixDistanceNs = 150'000'000;
-constexpr double kMaxTimeS = 4e9;  // from 0, before the year 2100
 
 // Times from here on are dates, counted from 1970 or 1980.
 constexpr int64_t kFirstDateNs = 100'000'000'000'000'000;
@@ -35,15 +34,19 @@ struct Row {
 };
 
 absl::StatusOr<std::vector<Row>> ReadRows(const std::filesystem::path& path) {
+  constexpr size_t kMinColumns = 4;
   CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxTextBytes));
   std::vector<Row> rows;
-  for (const TextLine& line : SplitIntoLines(text)) {
-    const std::optional<Timestamp> time = ParseSeconds(line.tokens.front());
-    const std::optional<std::vector<double>> numbers = ParseNumbers(line.tokens);
-    if (!time || std::abs(time->seconds()) > kMaxTimeS || !numbers || numbers->size() < 4) {
-      return absl::InvalidArgumentError(
-          fmt::format("{}: line {} is not 'time latitude longitude altitude'; correct it",
-                      path.string(), line.number));
+  TextLines lines(text);
+  rows.reserve(TextLines::MaxCount(text, kMinColumns));
+  while (const TextLine* line = lines.Next()) {
+    const std::optional<Timestamp> time = ParseSeconds(line->tokens.front());
+    const std::optional<std::vector<double>> numbers = ParseNumbers(line->tokens);
+    if (!time || !numbers || numbers->size() < kMinColumns) {
+      return absl::InvalidArgumentError(fmt::format(
+          "{}: line {} is not 'time latitude longitude altitude', the time within 3e9 s of 0; "
+          "correct it",
+          path.string(), line->number));
     }
     rows.push_back({*time, {(*numbers)[1], (*numbers)[2], (*numbers)[3]}});
   }

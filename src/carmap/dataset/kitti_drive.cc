@@ -253,91 +253,9 @@ absl::Status CheckPrincipalPoint(const fs::path& path, const PinholeCamera& came
 
 // --- gps.txt ---
 
-<<<<<<< HEAD
-struct TimedFix {
-  Timestamp time;
-  GpsFix fix;
-};
-
-constexpr size_t kMinGpsColumns = 4;
-constexpr int64_t kMaxFixDistanceNs = 150'000'000;
-
-/// Ascending by time. Rows of nan are moments without a fix and left out.
-absl::StatusOr<std::vector<TimedFix>> ReadFixes(const fs::path& path) {
-  CARMAP_ASSIGN_OR_RETURN(const std::string text, ReadFile(path, kMaxTextBytes));
-  std::vector<TimedFix> fixes;
-  TextLines lines(text);
-  fixes.reserve(TextLines::MaxCount(text, kMinGpsColumns));
-  while (const TextLine* line = lines.Next()) {
-    const std::optional<Timestamp> time = ParseSeconds(line->tokens.front());
-    const std::optional<std::vector<double>> numbers = ParseNumbers(line->tokens);
-    if (!time || !numbers || numbers->size() < kMinGpsColumns) {
-      return Invalid(path, fmt::format("line {} is not 'time latitude longitude altitude', the "
-                                       "time within 3e9 s of 0; correct it",
-                                       line->number));
-    }
-    const GpsFix fix{(*numbers)[1], (*numbers)[2], (*numbers)[3]};
-    if (std::isnan(fix.latitude_deg + fix.longitude_deg + fix.altitude_m)) continue;
-    if (!IsValid(fix)) {
-      return Invalid(path, fmt::format("line {} is not a place on the globe (degrees, degrees, "
-                                       "metres); correct it",
-                                       line->number));
-    }
-    fixes.push_back({*time, fix});
-  }
-  // Receivers log late rows out of turn.
-  const auto is_before = [](const TimedFix& a, const TimedFix& b) { return a.time < b.time; };
-  if (!std::is_sorted(fixes.begin(), fixes.end(), is_before)) {
-    std::stable_sort(fixes.begin(), fixes.end(), is_before);
-  }
-  return fixes;
-}
-
-/// Receivers give absolute time where the camera's starts at 0: when the two ranges of time do not
-/// meet, both are taken to start together.
-void ShiftToFrameTimes(const std::vector<Timestamp>& times, std::vector<TimedFix>& fixes) {
-  if (fixes.empty()) return;
-  const bool overlap = fixes.front().time.ns <= times.back().ns + kMaxFixDistanceNs &&
-                       times.front().ns <= fixes.back().time.ns + kMaxFixDistanceNs;
-  if (overlap) return;
-  const int64_t origin_ns = fixes.front().time.ns;
-  for (TimedFix& fix : fixes) fix.time.ns += times.front().ns - origin_ns;
-}
-
-GpsFix Interpolate(const TimedFix& before, const TimedFix& after, Timestamp time) {
-  const double fraction = static_cast<double>(time.ns - before.time.ns) /
-                          static_cast<double>(after.time.ns - before.time.ns);
-  // At the date line a mean of longitudes would lie on the other side of the Earth.
-  if (std::abs(after.fix.longitude_deg - before.fix.longitude_deg) > 180) {
-    return fraction < 0.5 ? before.fix : after.fix;
-  }
-  return {std::lerp(before.fix.latitude_deg, after.fix.latitude_deg, fraction),
-          std::lerp(before.fix.longitude_deg, after.fix.longitude_deg, fraction),
-          std::lerp(before.fix.altitude_m, after.fix.altitude_m, fraction)};
-}
-
-/// Between its two neighbours where both are near, else the near one, else none.
-std::optional<GpsFix> FixAt(const std::vector<TimedFix>& fixes, Timestamp time) {
-  const auto after =
-      std::lower_bound(fixes.begin(), fixes.end(), time,
-                       [](const TimedFix& fix, Timestamp t) { return fix.time < t; });
-  const bool has_after = after != fixes.end() && after->time.ns - time.ns <= kMaxFixDistanceNs;
-  const bool has_before =
-      after != fixes.begin() && time.ns - (after - 1)->time.ns <= kMaxFixDistanceNs;
-  if (has_before && has_after) return Interpolate(*(after - 1), *after, time);
-  if (has_before) return (after - 1)->fix;
-  if (has_after) return after->fix;
-  return std::nullopt;
-}
-
-absl::StatusOr<std::vector<std::optional<GpsFix>>> ReadGps(const fs::path& path,
-                                                           const std::vector<Timestamp>& times) {
-  std::vector<std::optional<GpsFix>> gps;
-=======
 /// Nothing if there is no file.
 absl::StatusOr<std::optional<GpsLog>> ReadGps(const fs::path& path,
                                               const std::vector<Timestamp>& times) {
->>>>>>> d434aed (gps: rows that are wrong do not reach the map)
   std::error_code error;
   if (!fs::exists(path, error)) return std::nullopt;
   return GpsLog::Read(path, times);

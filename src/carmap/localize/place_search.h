@@ -39,8 +39,8 @@ struct PlaceSearchOptions {
   int max_samples = 2000;              ///< of three matches a place
   int min_agreeing_matches = 7;        ///< of a place, or it is none
   size_t max_hypotheses = 4;
-  /// A pose with so many inliers ends the search, but for places that resemble the frame at least so
-  /// much as the one where it was found: façades repeat.
+  /// A pose with so many inliers ends the search, but for places that resemble the frame at least
+  /// so much as the one where it was found: façades repeat.
   size_t sure_inliers = 50;
   float rival_similarity = 0.5f;  ///< to that of the found place
   size_t resting_searches = 10;   ///< after which a place tried in vain takes its turn again

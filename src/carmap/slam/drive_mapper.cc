@@ -284,9 +284,9 @@ absl::StatusOr<MappedDrive> DriveMapper::Finish() {
   result_.rejected_loop_keyframes = mapping_->closer().rejected_count();
   result_.georeference = mapping_->closer().georeference();
   for (const auto& [step, ms] : mapper.step_ms()) result_.stage_ms["map_" + step] = ms;
+  for (const auto& [step, count] : mapper.left_out()) result_.left_out["map_" + step] = count;
   result_.map = mapping_->ReleaseMap();
   return std::move(result_);
 }
 
 }  // namespace carmap
-  for (const auto& [step, count] : mapper.left_out()) result_.left_out["map_" + step] = count;

@@ -23,11 +23,8 @@
 #include "carmap/geometry/camera.h"
 #include "carmap/map/map.h"
 #include "carmap/semantics/keyframe_labeller.h"
-<<<<<<< HEAD
 #include "carmap/slam/drive_health.h"
-=======
 #include "carmap/slam/fix_judgement.h"
->>>>>>> d434aed (gps: rows that are wrong do not reach the map)
 #include "carmap/slam/frame_extraction.h"
 #include "carmap/slam/georeference_map.h"
 #include "carmap/slam/local_mapper.h"
