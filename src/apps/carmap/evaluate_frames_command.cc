@@ -170,11 +170,10 @@ absl::StatusOr<ExitCode> EvaluateFrames(const Arguments& arguments) {
   AddFiles(FilesOfDrive(arguments.map_truth), inputs);
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.report}, inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, OpenWithTruth(arguments.drive));
-  const StereoRig feature_rig = StereoFrontEnd(drive->rig()).rig();
-  CARMAP_ASSIGN_OR_RETURN(const SearchedMap map, ReadMap(arguments.map, feature_rig));
+  const StereoRig rig = StereoFrontEnd(drive->rig()).rig();
+  CARMAP_ASSIGN_OR_RETURN(const SearchedMap map, ReadMap(arguments.map, rig));
   CARMAP_ASSIGN_OR_RETURN(const EvaluatedMap evaluated,
                           AlignToTruth(map.keyframes, arguments.map, arguments.map_truth));
-  const StereoRig rig = AsMapped(feature_rig, map.keyframes);
   FrameFinder finder(
       arguments.by == "appearance" ? ByAppearance(map, rig) : ByPlaceSearch(map, rig), evaluated);
   if (arguments.trace.empty()) {

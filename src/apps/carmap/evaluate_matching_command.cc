@@ -49,7 +49,7 @@ struct Ratios {
 
 Ratios MeasureDrive(KittiDrive& drive, const LeanMap& lean, const MapTruth& truth) {
   FrameExtraction frames(drive, {}, /*sequential=*/false);
-  const StereoRig rig = AsMapped(frames.front_end().rig(), lean);
+  const StereoRig rig = frames.front_end().rig();
   const ReconstructedMap map = Reconstruct(lean, rig.camera.fx);
   const MatchingMeter meter(map, rig, DefaultVocabulary());
   Progress progress("matching", drive.size());

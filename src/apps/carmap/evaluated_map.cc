@@ -24,13 +24,6 @@ absl::StatusOr<std::unique_ptr<KittiDrive>> OpenWithTruth(const std::string& fol
   return drive;
 }
 
-StereoRig AsMapped(const StereoRig& rig, const LeanMap& map) {
-  for (const LeanDrive& drive : map.drives) {
-    if (drive.rig.camera == rig.camera && drive.rig.baseline_m == rig.baseline_m) return drive.rig;
-  }
-  return rig;
-}
-
 namespace {
 
 /// The ids that the drive and ranges of it have in the map. A map of one drive is taken to be of

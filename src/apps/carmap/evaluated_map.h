@@ -10,7 +10,6 @@
 #include "carmap/dataset/kitti_drive.h"
 #include "carmap/eval/localization_error.h"
 #include "carmap/eval/map_truth.h"
-#include "carmap/geometry/camera.h"
 #include "carmap/geometry/rigid3.h"
 #include "carmap/map/lean_map.h"
 
@@ -21,9 +20,6 @@ absl::Status CheckTruth(const KittiDrive& drive, const std::string& folder);
 
 /// Errors: as KittiDrive::Open and CheckTruth.
 absl::StatusOr<std::unique_ptr<KittiDrive>> OpenWithTruth(const std::string& folder);
-
-/// The rig that drives, with the disparity bias that was learnt if the same one mapped.
-StereoRig AsMapped(const StereoRig& rig, const LeanMap& map);
 
 struct EvaluatedMap {
   MapTruth truth;

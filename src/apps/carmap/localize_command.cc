@@ -72,7 +72,7 @@ absl::StatusOr<LoadedMap> LoadMap(const std::string& path, const StereoRig& rig)
         fmt::format("{}: holds no landmark to localize by; map a longer drive", path));
   }
   const Stopwatch rebuild_watch;
-  loaded.rig = AsMapped(StereoFrontEnd(rig).rig(), loaded.lean);
+  loaded.rig = StereoFrontEnd(rig).rig();
   loaded.map = Reconstruct(loaded.lean, loaded.rig.camera.fx);
   loaded.rebuild_ms = rebuild_watch.ElapsedMs();
   return loaded;

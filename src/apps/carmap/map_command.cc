@@ -227,6 +227,7 @@ nlohmann::ordered_json ToJson(const Run& run, size_t frames, const Arguments& ar
   report["peak_rss_mb"] = PeakMemoryMb();
   report["frame_ms"] = ToJson(Summarize(run.mapped.frame_ms));
   report["stage_ms"] = MeanStageMs(run, frames);
+  report["left_out_edits"] = run.mapped.left_out;
   if (run.mapped.labelling) report["labelling"] = ToJson(*run.mapped.labelling, run.mapped.map);
   if (arguments.replay_hz) {
     report["replay"] = {{"rate_hz", *arguments.replay_hz}, {"dropped_frames", run.dropped_frames}};

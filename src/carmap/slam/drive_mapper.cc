@@ -124,6 +124,7 @@ DriveMapper::DriveMapper(const StereoRig& camera_rig, const StereoRig& rig, Driv
     : drive_id_(drive_id),
       max_bias_px_(options.mapper.bias.max_rad * rig.camera.fx),
       health_(camera_rig, rig),
+      calibrated_bias_(rig.disparity_bias),
       tracker_(options.tracker),
       mapping_(std::make_unique<MappingStage>(rig, drive_id, options)) {
   if (!options.segmenter) return;
@@ -159,9 +160,12 @@ const TrackedFrame& DriveMapper::Take(const ExtractedFrame& frame) {
 TrackedFrame DriveMapper::TrackOrRecover(const ExtractedFrame& frame) {
   const auto local_map = mapping_->WaitForMap();
   TrackedFrame tracked = tracker_.Track(frame.timestamp, *frame.features, local_map.get());
-  if (!tracked.is_misplaced) return tracked;
-  const auto found = mapping_->Locate(*frame.features, tracked.map_from_camera);
-  return found ? tracker_.Resume(frame.timestamp, *found) : tracked;
+  if (tracked.is_misplaced) {
+    const auto found = mapping_->Locate(*frame.features, tracked.map_from_camera);
+    if (found) tracked = tracker_.Resume(frame.timestamp, *found);
+  }
+  tracked.disparity_bias = local_map ? local_map->rig.disparity_bias : calibrated_bias_;
+  return tracked;
 }
 
 /// The frame's fix, unless the receiver only repeats itself.

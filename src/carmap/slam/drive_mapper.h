@@ -142,6 +142,7 @@ class DriveMapper {
   const DriveId drive_id_;
   const double max_bias_px_;
   DriveHealthMonitor health_;
+  const DisparityBias calibrated_bias_;  ///< of the rig that was given
   Tracker tracker_;
   std::optional<KeyframeLabeller> labeller_;
   std::unique_ptr<MappingStage> mapping_;

@@ -46,6 +46,7 @@ struct TrackedFrame {
   /// known of it.
   std::optional<Rigid3> camera_from_previous;
   double since_previous_s = 0;
+  DisparityBias disparity_bias;  ///< of the rig, as far as the drive so far tells
   /// Landmarks of the snapshot that agree with the pose.
   std::vector<std::pair<LandmarkId, uint32_t>> landmark_of_feature;
   Rigid3 map_from_camera;

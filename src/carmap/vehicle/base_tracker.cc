@@ -36,6 +36,7 @@ VehiclePose BaseTracker::Take(const ExtractedFrame& frame, const TrackedFrame& o
   if (!own.reference) {  // nothing but its motion so far tells where it is
     return step ? Report(*step, {}) : VehiclePose();
   }
+  rig_.disparity_bias = own.disparity_bias;
   const FeatureGrid grid(*frame.features, rig_.camera.width, rig_.camera.height);
   Observation seen;
   if (step && window_) {

@@ -74,8 +74,10 @@ struct BaseTrackerOptions {
 
 class BaseTracker {
  public:
-  /// The map must have been reconstructed for the rig's focal length. The vocabulary, by whose
-  /// words places are looked for, must not be null.
+  /// The map must have been reconstructed for the rig's focal length. The rig's disparity bias is
+  /// that of the frames (TrackedFrame), which learn it on the way: a rig of the same calibration
+  /// that mapped may have another. The vocabulary, by whose words places are looked for, must not
+  /// be null.
   BaseTracker(const ReconstructedMap& base, const StereoRig& rig,
               std::shared_ptr<const Vocabulary> vocabulary, const BaseTrackerOptions& options = {});
 
@@ -119,7 +121,7 @@ class BaseTracker {
   VehiclePose Report(const Step& step, Observation seen);
 
   const ReconstructedMap& base_;
-  const StereoRig rig_;
+  StereoRig rig_;  ///< with the bias of the newest frame
   const BaseTrackerOptions options_;
   PlaceSearch search_;
   std::optional<WindowEstimator> window_;

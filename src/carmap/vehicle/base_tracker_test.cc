@@ -15,18 +15,24 @@ constexpr double kStreetLengthM = 160;
 const Rigid3 kMapFromWorld{RotationExp({0.1, -0.7, 0.05}), {3, -1, 20}};
 const StreetNoise kNoise{.pixel_px = 0.4, .descriptor_bits = 6};
 
-/// A vehicle in a map: what it sees, and its own odometry, good to a centimetre a frame.
+/// A vehicle in a map: what it sees, and its own odometry, good to a centimetre a frame, which
+/// knows the rig's disparity bias; its calibration does not.
 class TestVehicle {
  public:
   TestVehicle(const ReconstructedMap& map, const StereoRig& rig, double start_s = 0)
       : rig_(rig),
-        tracker_(map, rig, {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()}),
+        tracker_(map, {rig.camera, rig.baseline_m},
+                 {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()}),
         time_s_(start_s) {}
 
   VehiclePose Drive(const Street& street, const Rigid3& world_from_camera,
                     const StreetNoise& noise = kNoise) {
-    return Take(world_from_camera, SeeStreet(street, rig_, world_from_camera, noise, ++frames_),
-                /*tracks_itself=*/true);
+    auto features = SeeStreet(street, rig_, world_from_camera, noise, ++frames_);
+    for (Feature& feature : features) {
+      const double x = (feature.x_px - rig_.camera.cx) / rig_.camera.fx;
+      feature.disparity_px += static_cast<float>(rig_.disparity_bias.At(x));
+    }
+    return Take(world_from_camera, std::move(features), /*tracks_itself=*/true);
   }
   /// What it sees moves along with it: its odometry says that it stands.
   VehiclePose DriveDragged(const Street& street, const Rigid3& world_from_camera) {
@@ -47,6 +53,7 @@ class TestVehicle {
     TrackedFrame own;
     if (tracks_itself) {
       own.reference = KeyframeId{};
+      own.disparity_bias = rig_.disparity_bias;
       if (last_tracked_) {
         Vector6d error;
         for (int i = 0; i < 3; ++i) error[i] = random_.Normal(0.004);
@@ -260,6 +267,22 @@ TEST_F(BaseTrackerTest, LocalizesACameraOfAnotherFocalLength) {
   rig.camera.fx *= 1.6;
   rig.camera.fy *= 1.6;
   const ReconstructedMap map = Reconstruct(lean_, rig.camera.fx);
+  TestVehicle vehicle(map, rig);
+  for (const Rigid3& world_from_camera : DriveAlong(0, 10, 90, 1)) {
+    const VehiclePose pose = vehicle.Drive(street_, world_from_camera);
+    ASSERT_EQ(pose.known_by, KnownBy::kMap);
+    EXPECT_LT(PositionError(pose, world_from_camera), 0.1);
+  }
+}
+
+// Two cars of one series have the same calibration, and each its own bias: here two pixels apart,
+// which is a tenth of the depth at 20 m.
+TEST_F(BaseTrackerTest, GoesByItsOwnBiasNotByThatOfARigOfTheSameCalibration) {
+  LeanMap lean = lean_;
+  lean.drives[0].rig.disparity_bias.coefficients_px = {-1, 0, 0};
+  const ReconstructedMap map = Reconstruct(lean);
+  StereoRig rig = kStreetRig;
+  rig.disparity_bias.coefficients_px = {1, 0.2, 0};
   TestVehicle vehicle(map, rig);
   for (const Rigid3& world_from_camera : DriveAlong(0, 10, 90, 1)) {
     const VehiclePose pose = vehicle.Drive(street_, world_from_camera);
