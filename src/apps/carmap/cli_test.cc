@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <opencv2/core/mat.hpp>
@@ -1002,7 +1004,7 @@ TEST_F(LostFrameTest, AMapWithoutLandmarksReplacesNone) {
     EXPECT_THAT(result.problems(),
                 testing::ElementsAre(
                     AllOf(HasSubstr("the map is empty"), HasSubstr("; ")), HasSubstr("empty"),
-                    HasSubstr("not written: m.cmap, m.cfull; written: r.json, p.png")));
+                    HasSubstr("not written: m.cmap, m.cfull; written: p.png, r.json")));
     EXPECT_EQ(Read(work() / "m.cmap"), Read(root_ / "base.cmap"));
     EXPECT_FALSE(fs::exists(work() / "m.cfull"));
     EXPECT_TRUE(ReadJson("r.json")["bytes_per_landmark"].is_null());
@@ -1107,7 +1109,7 @@ TEST_F(CliTest, RefusesTruthThatDoesNotFit) {
   std::string times;
   for (size_t i = 0; i < kFrames; ++i) times += fmt::format("{:.1f}\n", 100 + 0.1 * i);
   Write(later / "times.txt", times);
-  ExpectRefusedAtOnce(with("../damaged"), "../base.cmap: none of its 1 drives is");
+  ExpectRefusedAtOnce(with("../damaged"), "0 have a time stamp of the ground truth");
 }
 
 TEST_F(CliTest, RefusesTrajectoriesThatItCannotCompare) {
@@ -1192,6 +1194,147 @@ TEST_F(CliTest, PutsARealDriveWithGpsOnTheEarth) {
   const auto lean = ReadLeanMap(work() / "m.cmap");
   ASSERT_TRUE(lean.ok()) << lean.status();
   for (const LeanKeyframe& keyframe : lean->keyframes) EXPECT_TRUE(keyframe.gps);
+}
+
+/// The real drive with GPS, whose gps.txt is changed row by row.
+class RealGpsDrive : public CliTest {
+ protected:
+  struct Row {
+    double latitude_deg, longitude_deg, altitude_m;
+  };
+  using Change = std::function<Row(int, const Row&)>;
+
+  void SetUp() override {
+    CliTest::SetUp();
+    source_ = RealDriveFolder("kitti_raw_2011_09_26_0001");
+    if (!fs::is_directory(source_)) GTEST_SKIP() << source_ << " is absent";
+    ASSERT_EQ(
+        Run({"map", source_.string(), "--out", "good.cmap", "--report", "good.json"}).exit_code, 0);
+  }
+
+  void WriteDrive(const Change& change) const {
+    fs::remove_all(work() / "d");
+    fs::create_directory(work() / "d");
+    for (const char* name : {"image_0", "image_1", "calib.txt", "times.txt", "poses.txt"}) {
+      fs::create_symlink(source_ / name, work() / "d" / name);
+    }
+    std::ifstream rows(source_ / "gps.txt");
+    std::ofstream changed(work() / "d" / "gps.txt");
+    int index = 0;
+    for (std::string line; std::getline(rows, line);) {
+      if (line.empty() || line.front() == '#') continue;
+      std::istringstream row(line);
+      std::string time;
+      Row fix{};
+      row >> time >> fix.latitude_deg >> fix.longitude_deg >> fix.altitude_m;
+      fix = change(index++, fix);
+      changed << fmt::format("{} {} {} {}\n", time, fix.latitude_deg, fix.longitude_deg,
+                             fix.altitude_m);
+    }
+  }
+
+  /// The report of the changed drive's map, m.cmap.
+  nlohmann::json MapChanged(const Change& change) const {
+    WriteDrive(change);
+    const Result map = Run({"map", "d", "--out", "m.cmap", "--report", "r.json"});
+    EXPECT_EQ(map.exit_code, 0) << map.err;
+    const nlohmann::json report = ReadJson("r.json");
+    EXPECT_LE(report["ate_rmse_m"].get<double>(), 0.2) << "whatever GPS says";
+    return report;
+  }
+
+  /// The largest distance between keyframes' places on the Earth in m.cmap and in good.cmap.
+  static double WorstPlaceErrorM() {
+    const LeanMap map = ReadLeanMap(work() / "m.cmap").value(),
+                  good = ReadLeanMap(work() / "good.cmap").value();
+    EXPECT_EQ(map.keyframes.size(), good.keyframes.size());
+    double worst_m = 0;
+    for (size_t i = 0; i < std::min(map.keyframes.size(), good.keyframes.size()); ++i) {
+      const Eigen::Vector3d error =
+          LocalEnu(*good.keyframes[i].gps).FromGps(map.keyframes[i].gps.value());
+      worst_m = std::max(worst_m, error.head<2>().norm());
+    }
+    return worst_m;
+  }
+
+  fs::path source_;
+};
+
+TEST_F(RealGpsDrive, IsMappedAsWithoutTheRowsThatAreWrong) {
+  const Row berlin{52.52, 13.4, 30}, no_fix{0, 0, 0};
+  struct Case {
+    Change change;
+    size_t outliers, without_fix;
+  };
+  const std::vector<Case> cases = {
+      {[&](int i, const Row& row) { return i == 0 ? berlin : row; }, 1, 0},
+      {[&](int i, const Row& row) { return i == 50 ? berlin : row; }, 1, 0},
+      {[&](int i, Row row) {
+         if (i == 0) row.latitude_deg += 0.5;
+         return row;
+       },
+       1, 0},
+      {[&](int i, const Row& row) { return i < 15 ? no_fix : row; }, 0, 15},
+      {[&](int i, const Row& row) {
+         return i % 5 == 0 ? Row{std::nan(""), std::nan(""), 0} : row;
+       },
+       0, 22}};
+  for (const Case& test : cases) {
+    const nlohmann::json gps = MapChanged(test.change)["gps"];
+    EXPECT_EQ(gps["rows"], 108);
+    EXPECT_EQ(gps["outliers"], test.outliers);
+    EXPECT_EQ(gps["without_fix"], test.without_fix);
+    EXPECT_EQ(gps["used"], 108 - test.outliers - test.without_fix);
+    EXPECT_FALSE(gps.contains("contradiction"));
+    EXPECT_LE(WorstPlaceErrorM(), 0.2);
+  }
+}
+
+TEST_F(RealGpsDrive, IsNotHeldByRowsThatContradictIt) {
+  constexpr double kRadPerDeg = M_PI / 180;
+  const std::vector<std::pair<Change, std::string>> cases = {
+      {[](int, const Row& row) {
+         return Row{kRadPerDeg * row.latitude_deg, kRadPerDeg * row.longitude_deg, row.altitude_m};
+       },
+       "radians"},
+      {[](int, const Row& row) {
+         return Row{row.longitude_deg, row.latitude_deg, row.altitude_m};
+       },
+       "swapped"},
+      {[](int, const Row& row) {
+         return Row{50 + 3 * (row.latitude_deg - 49), row.longitude_deg, row.altitude_m};
+       },
+       "of another drive"},
+      {[](int, const Row&) {
+         return Row{49.015, 8.4343, 116};
+       },
+       "repeat one place"}};
+  for (const auto& [change, cause] : cases) {
+    const nlohmann::json report = MapChanged(change);
+    EXPECT_FALSE(report.contains("georeference")) << cause;
+    EXPECT_THAT(report["gps"].value("contradiction", ""), HasSubstr(cause));
+  }
+}
+
+TEST_F(RealGpsDrive, IsFoundWhereItsFixesAreNot) {
+  const auto localize = [&](const Change& change) {
+    WriteDrive(change);
+    const Result found = Run({"localize", "d", "--map", "good.cmap", "--map-truth",
+                              source_.string(), "--report", "l.json"});
+    EXPECT_EQ(found.exit_code, 0) << found.err;
+    const nlohmann::json report = ReadJson("l.json");
+    EXPECT_EQ(report["localized_frames"], 108);
+    EXPECT_LE(report["position_error_m"]["max"].get<double>(), 0.5);
+    return report["gps"];
+  };
+  EXPECT_EQ(localize([](int, const Row&) { return Row{0, 0, 0}; })["without_fix"], 108);
+  const nlohmann::json off = localize([](int, Row row) {
+    row.latitude_deg += 60 / 111200.0;
+    return row;
+  });
+  EXPECT_EQ(off["outliers"], 108);
+  EXPECT_THAT(off.value("contradiction", ""), HasSubstr("lie 60 m"));
+  EXPECT_EQ(localize([](int, const Row& row) { return row; })["used"], 108);
 }
 
 }  // namespace

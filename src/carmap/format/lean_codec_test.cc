@@ -127,8 +127,8 @@ TEST(LeanCodec, KeepsHalfTurns) {
 
 TEST(LeanCodec, KeepsFarPlacesAndOddTimes) {
   LeanMap map = SmallStreet();
-  map.keyframes[0].timestamp.ns = INT64_MAX;
-  map.keyframes[1].timestamp.ns = INT64_MIN;
+  map.keyframes[0].timestamp = Timestamp::FromSeconds(3e9);
+  map.keyframes[1].timestamp = Timestamp::FromSeconds(-3e9);
   map.keyframes[1].map_from_camera.translation = {kMaxCoordinateM, -kMaxCoordinateM, 0};
   map.landmarks[0].position_in_map = {-kMaxCoordinateM, kMaxCoordinateM, 1};
   EXPECT_TRUE(AreIdentical(DecodeLeanMap(Encode(map), "bytes").value(), Quantize(map)));
@@ -144,6 +144,9 @@ TEST(LeanCodec, RefusesToWriteWhatItCouldNotRead) {
   map = SmallStreet();
   map.keyframes[1].map_from_camera.translation.x() = -2 * kMaxCoordinateM;
   EXPECT_THAT(std::string(EncodeLeanMap(map).status().message()), HasSubstr("keyframe 1"));
+  map = SmallStreet();
+  map.keyframes[1].timestamp.ns = INT64_MIN;
+  EXPECT_THAT(std::string(EncodeLeanMap(map).status().message()), HasSubstr("95 years"));
   EXPECT_FALSE(EncodeLeanMap(SmallStreet(), {.zstd_level = 0}).ok());
 }
 

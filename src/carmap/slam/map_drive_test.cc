@@ -103,7 +103,7 @@ TEST(MapDrive, KeepsKeyframesWithTheirFrames) {
   drive.frames.resize(10);
   for (StereoFrame& frame : drive.frames) {
     frame.index += 100;
-    frame.gps = GpsFix{49, 8, 1.0 * frame.index};
+    frame.gps = GpsFix{49 + 1e-6 * frame.index, 8, 1.0 * frame.index};
   }
   MemorySource source(drive);
   const MappedDrive mapped = MapOrFail(source);
