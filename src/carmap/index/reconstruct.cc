@@ -104,11 +104,8 @@ Grouped<KeyframeFeature> MakeKeyframeFeatures(const MapSnapshot& snapshot,
   return features;
 }
 
-/// The part of an ascending list that lies around a member of it.
-std::span<const uint32_t> NeighboursInList(std::span<const uint32_t> list, uint32_t member) {
-  if (list.size() <= kMaxListNeighbours) return list;
-  const auto place =
-      static_cast<size_t>(std::lower_bound(list.begin(), list.end(), member) - list.begin());
+/// The part of a list that lies around one of its places.
+std::span<const uint32_t> NeighboursInList(std::span<const uint32_t> list, size_t place) {
   const size_t begin = place - std::min(place, kMaxListNeighbours);
   return list.subspan(begin, std::min(place + kMaxListNeighbours + 1, list.size()) - begin);
 }
@@ -122,10 +119,12 @@ Grouped<CovisibleKeyframe> MakeCovisibility(const MapSnapshot& snapshot,
                                             const Grouped<uint32_t>& keyframes_of_landmark) {
   Grouped<CovisibleKeyframe> covisible;
   std::vector<uint32_t> shared(snapshot.keyframes.size(), 0), touched;
+  std::vector<uint32_t> place_in_list(snapshot.landmarks.size(), 0);  // of keyframe i
   std::vector<CovisibleKeyframe> neighbours;
   for (uint32_t i = 0; i < snapshot.keyframes.size(); ++i) {
     for (const uint32_t landmark_idx : snapshot.keyframes[i].landmark_idxs) {
-      for (const uint32_t other : NeighboursInList(keyframes_of_landmark[landmark_idx], i)) {
+      for (const uint32_t other :
+           NeighboursInList(keyframes_of_landmark[landmark_idx], place_in_list[landmark_idx]++)) {
         if (shared[other]++ == 0) touched.push_back(other);
       }
     }
