@@ -1234,10 +1234,10 @@ class RealGpsDrive : public CliTest {
   }
 
   /// The report of the changed drive's map, m.cmap.
-  nlohmann::json MapChanged(const Change& change) const {
+  nlohmann::json MapChanged(const Change& change, int exit_code = 0) const {
     WriteDrive(change);
     const Result map = Run({"map", "d", "--out", "m.cmap", "--report", "r.json"});
-    EXPECT_EQ(map.exit_code, 0) << map.err;
+    EXPECT_EQ(map.exit_code, exit_code) << map.err;
     const nlohmann::json report = ReadJson("r.json");
     EXPECT_LE(report["ate_rmse_m"].get<double>(), 0.2) << "whatever GPS says";
     return report;
@@ -1280,7 +1280,7 @@ TEST_F(RealGpsDrive, IsMappedAsWithoutTheRowsThatAreWrong) {
        },
        0, 22}};
   for (const Case& test : cases) {
-    const nlohmann::json gps = MapChanged(test.change)["gps"];
+    const nlohmann::json gps = MapChanged(test.change)["health"]["gps"];
     EXPECT_EQ(gps["rows"], 108);
     EXPECT_EQ(gps["outliers"], test.outliers);
     EXPECT_EQ(gps["without_fix"], test.without_fix);
@@ -1310,28 +1310,30 @@ TEST_F(RealGpsDrive, IsNotHeldByRowsThatContradictIt) {
        },
        "repeat one place"}};
   for (const auto& [change, cause] : cases) {
-    const nlohmann::json report = MapChanged(change);
+    const nlohmann::json report = MapChanged(change, /*exit_code=*/3);
     EXPECT_FALSE(report.contains("georeference")) << cause;
-    EXPECT_THAT(report["gps"].value("contradiction", ""), HasSubstr(cause));
+    EXPECT_THAT(report["health"]["gps"].value("contradiction", ""), HasSubstr(cause));
   }
 }
 
 TEST_F(RealGpsDrive, IsFoundWhereItsFixesAreNot) {
-  const auto localize = [&](const Change& change) {
+  const auto localize = [&](const Change& change, int exit_code = 0) {
     WriteDrive(change);
     const Result found = Run({"localize", "d", "--map", "good.cmap", "--map-truth",
                               source_.string(), "--report", "l.json"});
-    EXPECT_EQ(found.exit_code, 0) << found.err;
+    EXPECT_EQ(found.exit_code, exit_code) << found.err;
     const nlohmann::json report = ReadJson("l.json");
     EXPECT_EQ(report["localized_frames"], 108);
     EXPECT_LE(report["position_error_m"]["max"].get<double>(), 0.5);
-    return report["gps"];
+    return report["health"]["gps"];
   };
   EXPECT_EQ(localize([](int, const Row&) { return Row{0, 0, 0}; })["without_fix"], 108);
-  const nlohmann::json off = localize([](int, Row row) {
-    row.latitude_deg += 60 / 111200.0;
-    return row;
-  });
+  const nlohmann::json off = localize(
+      [](int, Row row) {
+        row.latitude_deg += 60 / 111200.0;
+        return row;
+      },
+      /*exit_code=*/3);
   EXPECT_EQ(off["outliers"], 108);
   EXPECT_THAT(off.value("contradiction", ""), HasSubstr("lie 60 m"));
   EXPECT_EQ(localize([](int, const Row& row) { return row; })["used"], 108);

@@ -213,6 +213,10 @@ bool GpsLog::IsWithin(Timestamp time, Timestamp first, Timestamp last) {
 
 GpsUse GpsLog::UseOf(Timestamp first, Timestamp last) const {
   GpsUse use{.clock = clock_, .clock_offset_s = clock_offset_s_, .contradiction = contradiction_};
+  if (fixes_.empty()) {  // by which no clock can be matched
+    use.rows = use.without_fix = without_fix_.size();
+    return use;
+  }
   use.without_fix = static_cast<size_t>(
       std::count_if(without_fix_.begin(), without_fix_.end(),
                     [&](Timestamp time) { return IsWithin(time, first, last); }));

@@ -17,7 +17,8 @@ LeanMap ArbitraryMap() {
   LeanMap map = RandomStreet(*rc::gen::arbitrary<uint64_t>(), options);
   for (LeanKeyframe& keyframe : map.keyframes) {
     if (*rc::gen::inRange(0, 10) != 0) continue;
-    keyframe.timestamp.ns = *rc::gen::arbitrary<int64_t>();
+    keyframe.timestamp.ns =
+        *rc::gen::inRange<int64_t>(-3'000'000'000'000'000'000, 3'000'000'000'000'000'001);
     const double turn = *rc::gen::element(0.0, M_PI, -M_PI, M_PI - 1e-7, 2.0);
     keyframe.map_from_camera.rotation = RotationExp({turn * 0.6, 0, turn * 0.8});
   }

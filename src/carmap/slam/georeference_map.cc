@@ -1,6 +1,7 @@
 #include "carmap/slam/georeference_map.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
 #include "carmap/geometry/median_place.h"
@@ -18,6 +19,20 @@ size_t CountTogether(const std::vector<double>& times_s, double time_s, double c
   const auto begin = std::lower_bound(times_s.begin(), times_s.end(), time_s - correlation_s / 2);
   const auto end = std::upper_bound(times_s.begin(), times_s.end(), time_s + correlation_s / 2);
   return static_cast<size_t>(std::max<std::ptrdiff_t>(end - begin, 1));
+}
+
+/// Farther from where all of them put the vehicle no error of a receiver and no drift of the map
+/// takes a fix. However robust the loss, it would pull while that is still wide.
+double MaxErrorM(const Map& map, const GpsOptions& options) {
+  constexpr double kSigmas = 10, kMaxDriftRatio = 0.02;
+  double length_m = 0;
+  std::optional<Eigen::Vector3d> previous;
+  for (const auto& [id, keyframe] : map.keyframes()) {
+    const Eigen::Vector3d& position = keyframe.map_from_camera.translation;
+    if (previous) length_m += (position - *previous).norm();
+    previous = position;
+  }
+  return kSigmas * options.vertical_factor * std::hypot(options.sigma_m, kMaxDriftRatio * length_m);
 }
 
 }  // namespace
@@ -69,9 +84,13 @@ std::vector<PositionPrior> FixesAsPriors(const Map& map, const GpsOptions& optio
                                            georeference->enu_from_map.rotation.toRotationMatrix();
   std::vector<PositionPrior> priors;
   uint32_t pose_idx = 0;
+  const double max_error_m = MaxErrorM(map, options);
   for (const auto& [id, keyframe] : map.keyframes()) {
     const uint32_t idx = pose_idx++;
     if (!keyframe.gps) continue;
+    const Eigen::Vector3d p_in_enu =
+        georeference->enu_from_map * keyframe.map_from_camera.translation;
+    if (!((enu.FromGps(*keyframe.gps) - p_in_enu).norm() <= max_error_m)) continue;
     const auto together = static_cast<double>(
         CountTogether(times_s, keyframe.timestamp.seconds(), options.correlation_s));
     priors.push_back({.pose_idx = idx,
