@@ -105,18 +105,6 @@ bool CheckLabelling(const std::optional<LabellingSummary>& labelling, const std:
   return false;
 }
 
-double PathLengthM(const Trajectory& trajectory) {
-  double length_m = 0;
-  std::optional<Eigen::Vector3d> previous;
-  for (const TimedPose& pose : trajectory) {
-    if (!pose.world_from_camera) continue;
-    const Eigen::Vector3d& position = pose.world_from_camera->translation;
-    if (previous) length_m += (position - *previous).norm();
-    previous = position;
-  }
-  return length_m;
-}
-
 size_t ObservationCount(const LeanMap& map) {
   size_t count = 0;
   for (const LeanLandmark& landmark : map.landmarks) count += landmark.keyframe_idxs.size();

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "carmap/base/summary.h"
-#include "carmap/dataset/gps_use.h"
 #include "carmap/dataset/trajectory.h"
 #include "carmap/eval/map_picture.h"
 #include "carmap/map/lean_map.h"
@@ -44,9 +43,6 @@ bool CheckWhole(const std::string& failure, const std::string& drive);
 /// from it and why.
 bool CheckLabelling(const std::optional<LabellingSummary>& labelling, const std::string& segmenter,
                     const std::string& consequence);
-
-/// Metres along the poses that are there.
-double PathLengthM(const Trajectory& trajectory);
 
 size_t ObservationCount(const LeanMap& map);
 

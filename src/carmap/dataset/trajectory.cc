@@ -184,4 +184,16 @@ absl::Status WriteTrajectory(const fs::path& path, const Trajectory& trajectory)
   return WriteFileAtomically(path, text);
 }
 
+double PathLengthM(const Trajectory& trajectory) {
+  double length_m = 0;
+  std::optional<Eigen::Vector3d> previous;
+  for (const TimedPose& pose : trajectory) {
+    if (!pose.world_from_camera) continue;
+    const Eigen::Vector3d& position = pose.world_from_camera->translation;
+    if (previous) length_m += (position - *previous).norm();
+    previous = position;
+  }
+  return length_m;
+}
+
 }  // namespace carmap

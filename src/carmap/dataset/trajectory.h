@@ -30,4 +30,7 @@ absl::StatusOr<Trajectory> ReadTrajectory(const std::filesystem::path& path);
 /// that line n stays frame n). TUM form leaves lost frames out and needs time stamps.
 absl::Status WriteTrajectory(const std::filesystem::path& path, const Trajectory& trajectory);
 
+/// Metres along the poses that are there.
+double PathLengthM(const Trajectory& trajectory);
+
 }  // namespace carmap

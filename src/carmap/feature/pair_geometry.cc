@@ -79,7 +79,7 @@ using Matrix6 = Eigen::Matrix<double, 6, 6>;
 /// before, and distortion.
 struct RowEquation {
   Vector6 coefficients = Vector6::Zero();
-  double rows = 0, sigma = 0, disparity = 0;
+  double rows = 0, sigma = 0;
 
   double ErrorOf(const Vector6& solution) const { return rows - coefficients.dot(solution); }
 };
@@ -95,7 +95,6 @@ RowEquation EquationOf(const PinholeCamera& camera, const CornerPair& corner) {
   equation.rows = right.y() - left.y();
   // To the first order only; and a false match is often taken for something very near.
   equation.sigma = std::hypot(ScaleOfLevel(corner.level) / camera.fy, kNearSigma * disparity);
-  equation.disparity = disparity;
   return equation;
 }
 

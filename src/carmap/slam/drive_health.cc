@@ -4,25 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 namespace carmap {
 namespace {
 
 double ShareOf(size_t part, size_t whole) {
   return whole == 0 ? 0 : static_cast<double>(part) / static_cast<double>(whole);
-}
-
-double LengthM(const Trajectory& trajectory) {
-  double length_m = 0;
-  std::optional<Eigen::Vector3d> previous;
-  for (const TimedPose& pose : trajectory) {
-    if (!pose.world_from_camera) continue;
-    const Eigen::Vector3d& position = pose.world_from_camera->translation;
-    if (previous) length_m += (position - *previous).norm();
-    previous = position;
-  }
-  return length_m;
 }
 
 /// Cameras that look towards each other or apart bend all depths: the bias goes as far as it may.
@@ -68,7 +55,7 @@ DriveHealth DriveHealthMonitor::Judge(const Trajectory& trajectory,
   health.motion = MeasureMotion(trajectory, frame_indices);
   health.depth_share = ShareOf(with_depth_, features_);
   health.near_share = ShareOf(near_, tracked_);
-  const double length_m = LengthM(trajectory);
+  const double length_m = PathLengthM(trajectory);
   if (length_m > 0) health.keyframes_per_m = static_cast<double>(keyframes) / length_m;
   health.suspicions = JudgePairs(camera_rig_, pairs_);
   const double constant_px = bias.coefficients_px.x();
