@@ -110,6 +110,16 @@ void PrintCheck(const KittiDrive& drive, const Check& check) {
   row("verdict", check.suspicions.empty() ? "sound" : "suspect");
 }
 
+/// Whether the verdict is of all pairs that were to be looked at; if not, says so on standard
+/// error.
+bool CheckRead(const Check& check, const std::string& drive) {
+  const size_t unread = check.asked - check.sample.size();
+  if (unread == 0) return true;
+  PrintProblem(fmt::format("{}: {} of {} cannot be read; `carmap map` names each", drive, unread,
+                           Count(check.asked, "sampled pair")));
+  return false;
+}
+
 absl::StatusOr<ExitCode> RunCheck(const Arguments& arguments) {
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive, arguments.range));
   const Check check = CheckDrive(*drive);
@@ -124,7 +134,8 @@ absl::StatusOr<ExitCode> RunCheck(const Arguments& arguments) {
   } else {
     PrintCheck(*drive, check);
   }
-  return CheckSound(check.suspicions, arguments.drive) ? kSuccess : kIncomplete;
+  const bool is_sound = CheckSound(check.suspicions, arguments.drive);
+  return CheckRead(check, arguments.drive) && is_sound ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -151,8 +162,8 @@ A right camera that is turned by less than 0.7 degrees, or whose images lie as l
 Example:
   carmap check kitti06_000-050
 
-Exit codes: 0 sound, 1 error, or the images show too little to tell, 2 wrong usage, 3 suspect: lines
-on standard error say why and what to do)");
+Exit codes: 0 sound, 1 error, or the images show too little to tell, 2 wrong usage, 3 suspect, or
+some pairs cannot be read: lines on standard error say why and what to do)");
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return RunCheck(*arguments); }; });
 }

@@ -228,6 +228,16 @@ TEST_F(SuspectDrive, WithABaselineInMetres) {
   EXPECT_THAT(map.err, HasSubstr("the fourth number of P1"));
 }
 
+TEST_F(SuspectDrive, OfWhichImagesCannotBeReadIsNotCalledSound) {
+  Make([](const std::vector<Pair>& pairs, size_t i) { return pairs[i]; });
+  for (const char* name : {"000004.pgm", "000005.pgm"}) {
+    fs::resize_file(root_ / "drive" / "image_1" / name, 100);
+  }
+  const Result check = Run({"check", "drive"});
+  EXPECT_EQ(check.exit_code, 3);
+  EXPECT_THAT(check.err, HasSubstr("2 of 31 sampled pairs cannot be read"));
+}
+
 struct Bearable {
   const char* name;
   Fault fault;
