@@ -1,5 +1,7 @@
 #include "carmap/feature/feature_grid.h"
 
+#include <numeric>
+
 namespace carmap {
 
 namespace {
@@ -25,12 +27,17 @@ FeatureGrid::FeatureGrid(const std::vector<Feature>& features, int width_px, int
   const auto cell_of = [&](const Feature& feature) {
     return Row(feature.y_px) * columns_ + Column(feature.x_px);
   };
-  for (const Feature& feature : features) ++cell_begin_[cell_of(feature) + 1];
-  for (size_t cell = 1; cell < cell_begin_.size(); ++cell)
-    cell_begin_[cell] += cell_begin_[cell - 1];
-  feature_idxs_.resize(features.size());
+  for (const Feature& feature : features) {
+    uint32_t& count = cell_begin_[cell_of(feature) + 1];
+    count = std::min(count + 1, kMaxFeaturesOfCell);
+  }
+  std::partial_sum(cell_begin_.begin(), cell_begin_.end(), cell_begin_.begin());
+  feature_idxs_.resize(cell_begin_.back());
   std::vector<uint32_t> next(cell_begin_.begin(), cell_begin_.end() - 1);
-  for (uint32_t i = 0; i < features.size(); ++i) feature_idxs_[next[cell_of(features[i])]++] = i;
+  for (uint32_t i = 0; i < features.size(); ++i) {
+    const int cell = cell_of(features[i]);
+    if (next[cell] < cell_begin_[cell + 1]) feature_idxs_[next[cell]++] = i;
+  }
 }
 
 }  // namespace carmap

@@ -1,6 +1,7 @@
 // Features of one frame, found by place.
 //
-// Immutable once built; refers to the features, which must outlive it.
+// Immutable once built; refers to the features, which must outlive it. Time to build and to visit a
+// place is bounded whatever the features: a cell lists kMaxFeaturesOfCell.
 #pragma once
 
 #include <algorithm>
@@ -10,6 +11,10 @@
 #include "carmap/feature/feature.h"
 
 namespace carmap {
+
+/// A cell of 16×16 pixels lists the first so many of its features. No image tried has more than 42,
+/// but those of a crafted map may all lie at one pixel.
+inline constexpr uint32_t kMaxFeaturesOfCell = 128;
 
 class FeatureGrid {
  public:

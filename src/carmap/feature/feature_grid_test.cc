@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numeric>
 #include <random>
 
 namespace carmap {
@@ -57,11 +58,19 @@ TEST(FeatureGrid, FindsAFeatureOnTheEdgeOfTheSquareAndOfTheImage) {
   EXPECT_EQ(Near(grid, 0, 0, 1e4), (std::vector<uint32_t>{0, 1}));
 }
 
-TEST(FeatureGrid, HoldsNoFeaturesOrManyInOnePlace) {
+TEST(FeatureGrid, HoldsNoFeatures) {
   const std::vector<Feature> none;
   EXPECT_TRUE(Near(FeatureGrid(none, kWidth, kHeight), 10, 10, 1e4).empty());
-  const std::vector<Feature> same(300, {.x_px = 50, .y_px = 60});
-  EXPECT_EQ(Near(FeatureGrid(same, kWidth, kHeight), 50, 60, 0.1).size(), 300u);
+}
+
+TEST(FeatureGrid, ListsTheFirstOfMoreFeaturesInOnePlaceThanAnImageShows) {
+  std::vector<Feature> features(4096, {.x_px = 50, .y_px = 60});
+  features.push_back({.x_px = 70, .y_px = 60});
+  const FeatureGrid grid(features, kWidth, kHeight);
+  std::vector<uint32_t> first(kMaxFeaturesOfCell);
+  std::iota(first.begin(), first.end(), 0u);
+  EXPECT_EQ(Near(grid, 50, 60, 0.1), first);
+  EXPECT_EQ(Near(grid, 70, 60, 0.1), std::vector<uint32_t>{4096});
 }
 
 TEST(FeatureGrid, IsSmallWhateverTheImage) {
