@@ -23,6 +23,7 @@
 #include "carmap/format/lean_codec.h"
 #include "carmap/format/lean_map_testing.h"
 #include "carmap/index/reconstruct.h"
+#include "carmap/localize/keyframe_view.h"
 #include "carmap/localize/place_search.h"
 #include "carmap/update/stitch.h"
 
@@ -94,9 +95,10 @@ void Localize(const carmap::ReconstructedMap& map) {
   constexpr uint32_t kMaxFrames = 4;
   const auto count = static_cast<uint32_t>(map.snapshot.keyframes.size());
   for (uint32_t k = 0; k < std::min(count, kMaxFrames); ++k) {
-    const std::vector<carmap::Feature> features = carmap::FeaturesOf(map, k);
+    const carmap::KeyframeView view =
+        carmap::ViewFrom(map, k, options.neighbourhood.covisible_neighbours);
     const carmap::StereoRig& rig = carmap::RigOf(map, k);
-    const carmap::FeatureGrid grid(features, rig.camera.width, rig.camera.height);
+    const carmap::FeatureGrid grid(view.features, rig.camera.width, rig.camera.height);
     for (const auto& place : search.Search(grid, rig, map.snapshot.keyframes[k].gps)) {
       Check(carmap::IsRigid(place.camera_from_map));
     }
@@ -104,11 +106,15 @@ void Localize(const carmap::ReconstructedMap& map) {
 }
 
 void StitchToItself(const carmap::LeanMap& map) {
-  carmap::StitchOptions options{.min_keyframes = 1, .min_inliers = 6, .min_inlier_ratio = 0};
-  options.overlap.min_inliers = 4;
-  options.overlap.tracking.min_inliers = 4;
-  options.overlap.place_search.tracking.min_inliers = 4;
-  options.overlap.place_search.min_agreeing_matches = 4;
+  carmap::StitchOptions options{.min_keyframes = 1,
+                                .min_located_inliers = 4,
+                                .min_inliers = 6,
+                                .min_inlier_ratio = 0,
+                                .max_strain = 1e9};
+  options.locator.min_inliers = 4;
+  options.locator.place_search.tracking.min_inliers = 4;
+  options.locator.place_search.min_agreeing_matches = 4;
+  options.fit.tracking.min_inliers = 4;
   const auto stitched = carmap::Stitch(map, OfOtherDrives(map), options);
   if (stitched.ok()) Check(carmap::CheckConsistency(stitched->map).ok());
 }

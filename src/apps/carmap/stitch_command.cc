@@ -32,20 +32,17 @@ nlohmann::ordered_json SizeOf(const LeanMap& map, size_t bytes) {
 }
 
 nlohmann::ordered_json ToJson(const StitchReport& report) {
-  const Eigen::Vector3d& t = report.base_from_segment.translation;
-  const Eigen::Quaterniond& q = report.base_from_segment.rotation;
   return {{"segment_keyframes_tried", report.segment_keyframes_tried},
           {"segment_keyframes_found", report.segment_keyframes_found},
           {"segment_keyframes_overlapping", report.segment_keyframes_overlapping},
+          {"segment_keyframes_contradicting", report.segment_keyframes_contradicting},
           {"base_keyframes_overlapping", report.base_keyframes_overlapping},
           {"matches", report.matches},
           {"inliers", report.inliers},
-          {"duplicates_removed", report.duplicates_removed},
           {"median_distance_m", report.median_distance_m},
           {"largest_misfit_m", report.largest_misfit_m},
-          {"base_from_segment",
-           {{"translation_m", {t.x(), t.y(), t.z()}},
-            {"rotation_xyzw", {q.x(), q.y(), q.z(), q.w()}}}}};
+          {"largest_strain", report.largest_strain},
+          {"scale", report.scale}};
 }
 
 /// What a suspect drive mapped would spoil a good map.
@@ -75,7 +72,7 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
   CARMAP_RETURN_IF_ERROR(CheckSound(segment, arguments));
 
   StitchOptions options;
-  options.overlap.by_appearance = arguments.matching == "appearance";
+  options.locator.by_appearance = arguments.matching == "appearance";
   const auto stitched = Stitch(base, segment, options);
   if (!stitched.ok()) return WithName(arguments.segment, stitched.status());
   const auto bytes = EncodeLeanMap(stitched->map);
@@ -101,10 +98,11 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
              Count(found.segment_keyframes_overlapping, "keyframe"),
              Count(found.inliers, "landmark"), found.median_distance_m);
   fmt::print(
-      "misfit        {:.2f} m at most, of keyframes from where the base's landmarks see them\n",
-      found.largest_misfit_m);
+      "bent          by a factor of {:.4f}; {:.2f} m at most from where the base's landmarks put a "
+      "keyframe\n",
+      found.scale, found.largest_misfit_m);
   fmt::print("landmarks     {} + {} - {} duplicates = {}\n", base.landmarks.size(),
-             segment.landmarks.size(), found.duplicates_removed, stitched->map.landmarks.size());
+             segment.landmarks.size(), found.inliers, stitched->map.landmarks.size());
   fmt::print("map           {}, {} (base {}, segment {})\n", arguments.out,
              BytesText(static_cast<double>(bytes->size())),
              BytesText(static_cast<double>(base_bytes.size())),
@@ -132,14 +130,15 @@ void AddStitchCommand(CLI::App& app, Command& chosen) {
       ->type_name("M");
   command
       ->add_option("--report", arguments->report,
-                   "Write overlap, transform (m, quaternion) and sizes (bytes) as JSON")
+                   "Write overlap, scale, misfit (m) and sizes (bytes) as JSON")
       ->type_name("R.json");
   command->add_flag("--accept-suspect", arguments->accept_suspect,
                     "Take also the map of a drive that `carmap map` called suspect");
   command->footer(
-      R"(The segment is found in the base map by what its keyframes see, moved rigidly to where it lies, and
-landmarks that both saw are kept once. Coordinates stay those of BASE. A segment that does not
-overlap, or whose drive is suspect, is refused with the reason, and no file is written or changed.
+      R"(The segment is found in the base map by what its keyframes see. BASE stays, the segment bends to it:
+two drives measure lengths that differ by some tenths of a percent. Landmarks that both saw are kept
+once. A segment that does not overlap or contradicts the base, or whose drive is suspect, is refused
+with the reason, and no file is written or changed.
 
 Example:
   carmap stitch base.cmap segment.cmap --out road.cmap

@@ -9,8 +9,6 @@
 namespace carmap {
 namespace {
 
-constexpr double kMinDepthM = 0.1;
-
 /// Levels by which a feature rises when the focal length grows: it becomes larger in the image.
 double LevelShift(double from_focal_length_px, double to_focal_length_px) {
   return std::log(to_focal_length_px / from_focal_length_px) / std::log(kLevelScale);
@@ -71,37 +69,6 @@ Grouped<uint32_t> MakeKeyframesOfLandmark(const MapSnapshot& snapshot) {
     keyframes_of_landmark.EndList();
   }
   return keyframes_of_landmark;
-}
-
-size_t ObservationCount(const MapSnapshot& snapshot) {
-  size_t count = 0;
-  for (const SnapshotKeyframe& keyframe : snapshot.keyframes) {
-    count += keyframe.landmark_idxs.size();
-  }
-  return count;
-}
-
-/// Equation 1 and the camera.
-Grouped<KeyframeFeature> MakeKeyframeFeatures(const MapSnapshot& snapshot,
-                                              const std::vector<LeanDrive>& drives) {
-  Grouped<KeyframeFeature> features;
-  features.ReserveValues(ObservationCount(snapshot));
-  for (const SnapshotKeyframe& keyframe : snapshot.keyframes) {
-    const StereoRig& rig = DriveOf(drives, keyframe.id.drive).rig;
-    const Rigid3 camera_from_map = keyframe.map_from_camera.Inverse();
-    const Eigen::Matrix3d rotation = camera_from_map.rotation.toRotationMatrix();
-    for (const uint32_t landmark_idx : keyframe.landmark_idxs) {
-      const Eigen::Vector3d p =
-          rotation * snapshot.landmarks[landmark_idx].position_in_map + camera_from_map.translation;
-      if (p.z() < kMinDepthM) continue;
-      const Eigen::Vector3d uvd = rig.Project(p);
-      if (!rig.camera.Contains(uvd.head<2>())) continue;
-      features.Append({landmark_idx, p.cast<float>(), uvd.head<2>().cast<float>(),
-                       static_cast<float>(uvd.z())});
-    }
-    features.EndList();
-  }
-  return features;
 }
 
 /// The part of a list that lies around one of its places.
@@ -231,7 +198,6 @@ ReconstructedMap Reconstruct(const LeanMap& map, std::optional<double> focal_len
   ReconstructedMap result =
       IndexSnapshot(MakeSnapshot(map, focal_length_px.value_or(0)), focal_length_px.value_or(0));
   result.drives = map.drives;
-  result.features_of_keyframe = MakeKeyframeFeatures(result.snapshot, map.drives);
   result.gps = GpsIndex::Build(map.keyframes);
   return result;
 }
@@ -251,22 +217,17 @@ const StereoRig& RigOf(const ReconstructedMap& map, uint32_t keyframe_idx) {
   return DriveOf(map.drives, map.snapshot.keyframes[keyframe_idx].id.drive).rig;
 }
 
-std::vector<Feature> FeaturesOf(const ReconstructedMap& map, uint32_t keyframe_idx) {
-  const StereoRig& rig = RigOf(map, keyframe_idx);
-  const double shift = LevelShift(map.focal_length_px, rig.camera.fx);
-  std::vector<Feature> features;
-  for (const KeyframeFeature& seen : map.features_of_keyframe[keyframe_idx]) {
-    const SnapshotLandmark& landmark = map.snapshot.landmarks[seen.landmark_idx];
-    const double level = PredictLevel(landmark, seen.p_in_camera.norm()) + shift;
-    features.push_back(
-        {.x_px = seen.px.x(),
-         .y_px = seen.px.y(),
-         .disparity_px = seen.disparity_px + static_cast<float>(rig.disparity_bias.At(
-                                                 (seen.px.x() - rig.camera.cx) / rig.camera.fx)),
-         .level = static_cast<uint8_t>(std::clamp<long>(std::lround(level), 0, kLevelCount - 1)),
-         .descriptor = landmark.descriptor});
-  }
-  return features;
+Feature FeatureOf(const ReconstructedMap& map, const SnapshotLandmark& landmark,
+                  const StereoRig& rig, const Eigen::Vector3d& p_in_camera) {
+  const Eigen::Vector3d uvd = rig.Project(p_in_camera);
+  const double bias_px = rig.disparity_bias.At((uvd.x() - rig.camera.cx) / rig.camera.fx);
+  const double level =
+      PredictLevel(landmark, p_in_camera.norm()) + LevelShift(map.focal_length_px, rig.camera.fx);
+  return {.x_px = static_cast<float>(uvd.x()),
+          .y_px = static_cast<float>(uvd.y()),
+          .disparity_px = static_cast<float>(uvd.z() + bias_px),
+          .level = static_cast<uint8_t>(std::clamp<long>(std::lround(level), 0, kLevelCount - 1)),
+          .descriptor = landmark.descriptor};
 }
 
 }  // namespace carmap

@@ -3,8 +3,9 @@
 //
 // Stored in a lean map are positions, signatures, one pyramid level and the keyframe list of each
 // landmark, and each keyframe's pose. Derived here are: each landmark's viewing direction, range of
-// distances and the scale at which a camera sees it; each keyframe's features with their 2D and 3D
-// positions; the covisibility graph; and the k-d trees of keyframes and landmarks.
+// distances and the scale at which a camera sees it; the covisibility graph; and the k-d trees of
+// keyframes and landmarks. Features of keyframes are derived when they are asked for (FeatureOf,
+// localize/keyframe_view.h).
 //
 // A ReconstructedMap is immutable and freely shared between threads.
 #pragma once
@@ -22,14 +23,6 @@
 #include "carmap/map/map_snapshot.h"
 
 namespace carmap {
-
-/// A landmark as a keyframe saw it.
-struct KeyframeFeature {
-  uint32_t landmark_idx = 0;
-  Eigen::Vector3f p_in_camera = Eigen::Vector3f::Zero();  ///< equation 1
-  Eigen::Vector2f px = Eigen::Vector2f::Zero();
-  float disparity_px = 0;  ///< without the rig's bias
-};
 
 /// What bounds the covisibility graph by a multiple of the observations, whatever the lists of
 /// keyframes: both are more than the lists of a drive reach.
@@ -74,10 +67,6 @@ struct ReconstructedMap {
   double focal_length_px = 0;
   /// The map-feature index (§2): of each landmark the keyframes that see it, ascending.
   Grouped<uint32_t> keyframes_of_landmark;
-  /// Of each keyframe the features that its drive's camera can have seen, ascending by landmark.
-  /// Quantisation and merging may push a landmark behind the camera or out of the image: it has
-  /// no feature there, but its link stays.
-  Grouped<KeyframeFeature> features_of_keyframe;
   /// Of each keyframe those that share most landmarks with it, most shared first, at most
   /// kMaxCovisible. Of a landmark's list the kMaxListNeighbours before and after the keyframe
   /// count.
@@ -99,8 +88,9 @@ ReconstructedMap IndexSnapshot(MapSnapshot snapshot, double focal_length_px);
 /// The rig that the keyframe's drive saw with.
 const StereoRig& RigOf(const ReconstructedMap& map, uint32_t keyframe_idx);
 
-/// The keyframe's features with signature, level and disparity as its rig measures it, in the order
-/// of features_of_keyframe: a frame that can be matched like one from a camera.
-std::vector<Feature> FeaturesOf(const ReconstructedMap& map, uint32_t keyframe_idx);
+/// The landmark as the rig measures it at this place in its camera's frame (equation 1): signature,
+/// level and disparity, bias included.
+Feature FeatureOf(const ReconstructedMap& map, const SnapshotLandmark& landmark,
+                  const StereoRig& rig, const Eigen::Vector3d& p_in_camera);
 
 }  // namespace carmap

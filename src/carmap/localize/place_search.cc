@@ -61,6 +61,7 @@ std::vector<PlaceHypothesis> PlaceSearch::Search(const FeatureGrid& grid, const 
       last_vain_search_[candidate.place_idx] = search_count_;
       continue;
     }
+    hypothesis->is_near_fix = gps && IsNearFix(hypothesis->camera_from_map, *gps);
     if (!found && hypothesis->inliers.size() >= options_.sure_inliers) found = candidate;
     AddDistinct(*std::move(hypothesis), hypotheses);
   }
@@ -159,8 +160,14 @@ std::optional<PlaceHypothesis> PlaceSearch::Try(const Candidate& candidate,
   auto hypothesis = Judge(*pose, rig);
   if (!hypothesis) return std::nullopt;
   hypothesis->keyframe_idx = center_idx;
-  hypothesis->proposed_by_gps = candidate.proposed_by_gps;
   return hypothesis;
+}
+
+bool PlaceSearch::IsNearFix(const Rigid3& camera_from_map, const GpsFix& fix) const {
+  if (!map_.gps) return false;
+  const auto nearest = map_.keyframe_centers.Nearest(CenterOf(camera_from_map), 1);
+  const auto near = map_.gps->KeyframesNear(fix, options_.gps_radius_m, options_.max_gps_keyframes);
+  return !nearest.empty() && std::find(near.begin(), near.end(), nearest.front()) != near.end();
 }
 
 /// What speaks for the pose; nothing if its landmarks are not those around it.

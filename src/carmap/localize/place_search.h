@@ -53,8 +53,8 @@ struct PlaceHypothesis {
   uint32_t keyframe_idx = 0;  ///< in the middle of the place
   /// As PoseEstimate::covariance, of the inliers.
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
-  double seen_share = 0;         ///< inliers by landmarks that must be in sight from there
-  bool proposed_by_gps = false;  ///< the place is near the fix
+  double seen_share = 0;     ///< inliers by landmarks that must be in sight from there
+  bool is_near_fix = false;  ///< the map's keyframes there are near the frame's fix
 };
 
 class PlaceSearch {
@@ -87,6 +87,7 @@ class PlaceSearch {
   std::optional<PlaceHypothesis> Try(const Candidate& candidate, const SizedFeatures& features,
                                      const FeatureGrid& grid, const StereoRig& rig,
                                      size_t& comparisons) const;
+  bool IsNearFix(const Rigid3& camera_from_map, const GpsFix& fix) const;
   std::optional<PlaceHypothesis> Judge(const TrackedPose& pose, const StereoRig& rig) const;
   bool IsWorthATry(const Candidate& candidate, const std::optional<Candidate>& found,
                    const std::vector<PlaceHypothesis>& hypotheses) const;

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "carmap/feature/default_vocabulary.h"
+#include "carmap/localize/keyframe_view.h"
 #include "carmap/map/test_street.h"
 
 namespace carmap {
@@ -66,7 +67,7 @@ TEST_F(PlaceSearchTest, FindsEachFrameByItselfInTheNextLane) {
       EXPECT_GE(places[0].inliers.size(), 80u);
       EXPECT_GT(places[0].seen_share, 0.15);
       EXPECT_LE(places[0].seen_share, 1);
-      EXPECT_FALSE(places[0].proposed_by_gps);
+      EXPECT_FALSE(places[0].is_near_fix);
       const double sigma_m = std::sqrt(places[0].covariance.topLeftCorner<3, 3>().trace());
       EXPECT_GT(sigma_m, 1e-4);
       EXPECT_LT(sigma_m, 0.05);
@@ -87,7 +88,7 @@ TEST_F(PlaceSearchTest, TakesAFixThatIsRightWrongOrOfAnotherTown) {
       for (int i = 0; i < 4 && places.empty(); ++i) places = SearchOnce(search, features, fix);
       ASSERT_FALSE(places.empty()) << z << " " << fix.latitude_deg << " " << fix.longitude_deg;
       EXPECT_LT(ErrorM(places[0], pose), 0.05);
-      EXPECT_TRUE(places[0].proposed_by_gps || !(fix == FixAt(20, z - 20)));
+      EXPECT_TRUE(places[0].is_near_fix || !(fix == FixAt(20, z - 20)));
     }
   }
 }
@@ -228,7 +229,7 @@ TEST_F(PlaceSearchTest, PlacesAreKeyframesSideBySide) {
                   .norm(),
               6);
   }
-  const std::vector<Feature> features = FeaturesOf(map_, 100);
+  const std::vector<Feature> features = ViewFrom(map_, 100, 0).features;
   const auto similar = index.FindSimilar(index.HistogramOfFrame(features), 3);
   ASSERT_THAT(similar, SizeIs(3));
   EXPECT_EQ(similar[0].place_idx, index.PlaceOf(100));

@@ -90,6 +90,52 @@ inline std::vector<Rigid3> DriveAlong(double lane_m, double from_m, double to_m,
   return world_from_camera;
 }
 
+/// Where the street's cross-section at z lies once the street winds and climbs instead of going
+/// straight: to be applied to corners and poses alike.
+class Winding {
+ public:
+  explicit Winding(double length_m) {
+    Rigid3 section;
+    for (double z = 0; z <= length_m + kStepM; z += kStepM) {
+      sections_.push_back(section);
+      section.rotation = RotationExp({0, 0.9 * std::sin(z / 110), 0}) *
+                         RotationExp({0.06 * std::sin(z / 70), 0, 0});
+      section.translation += kStepM * (section.rotation * Eigen::Vector3d::UnitZ());
+    }
+  }
+  Eigen::Vector3d operator()(const Eigen::Vector3d& p) const {
+    return At(p.z()) * Eigen::Vector3d(p.x(), p.y(), 0);
+  }
+  Rigid3 operator()(const Rigid3& pose) const {
+    Rigid3 in_section = pose;
+    in_section.translation.z() = 0;
+    return At(pose.translation.z()) * in_section;
+  }
+
+ private:
+  static constexpr double kStepM = 0.05;
+
+  Rigid3 At(double z) const {
+    const auto i = static_cast<size_t>(std::clamp(z / kStepM, 0.0, sections_.size() - 1.0));
+    Rigid3 section = sections_[i];
+    const double rest_m = z - static_cast<double>(i) * kStepM;
+    section.translation += rest_m * (section.rotation * Eigen::Vector3d::UnitZ());
+    return section;
+  }
+
+  std::vector<Rigid3> sections_;
+};
+
+inline Street Wound(Street street, const Winding& winding) {
+  for (Street::Corner& corner : street.corners) corner.p_in_world = winding(corner.p_in_world);
+  return street;
+}
+
+inline std::vector<Rigid3> Wound(std::vector<Rigid3> world_from_camera, const Winding& winding) {
+  for (Rigid3& pose : world_from_camera) pose = winding(pose);
+  return world_from_camera;
+}
+
 struct StreetNoise {
   double pixel_px = 0;      ///< of u, v and disparity
   int descriptor_bits = 0;  ///< flipped
@@ -191,6 +237,31 @@ inline LeanMap Scaled(LeanMap map, double scale) {
   for (LeanKeyframe& keyframe : map.keyframes) keyframe.map_from_camera.translation *= scale;
   for (LeanLandmark& landmark : map.landmarks) landmark.position_in_map *= scale;
   return map;
+}
+
+/// The map of a drive that takes each step for `scale` times what it is and turns a little between
+/// them, differently each `seed`; landmarks ride on the first keyframe that saw them.
+inline LeanMap Drifted(const LeanMap& map, double scale, double turn_rad_per_m, uint64_t seed) {
+  StreetRandom random(seed);
+  LeanMap drifted = map;
+  for (size_t i = 1; i < map.keyframes.size(); ++i) {
+    const Rigid3 &before = map.keyframes[i - 1].map_from_camera,
+                 &pose = map.keyframes[i].map_from_camera;
+    Rigid3 step = before.Inverse() * pose;
+    const double sigma_rad = turn_rad_per_m * step.translation.norm();
+    step.translation *= scale;
+    step.rotation = RotationExp({random.Normal(sigma_rad), random.Normal(sigma_rad),
+                                 random.Normal(sigma_rad)}) *
+                    step.rotation;
+    drifted.keyframes[i].map_from_camera = drifted.keyframes[i - 1].map_from_camera * step;
+  }
+  for (LeanLandmark& landmark : drifted.landmarks) {
+    const uint32_t first = landmark.keyframe_idxs.front();
+    const Eigen::Vector3d p_in_camera =
+        map.keyframes[first].map_from_camera.Inverse() * landmark.position_in_map;
+    landmark.position_in_map = drifted.keyframes[first].map_from_camera * p_in_camera;
+  }
+  return drifted;
 }
 
 }  // namespace carmap

@@ -71,14 +71,7 @@ class GraphOfMap {
 
   void AddPresentEdge(uint32_t from, uint32_t to, bool is_lost) {
     const Rigid3 to_from_from = graph_.camera_from_map[to] * graph_.camera_from_map[from].Inverse();
-    const double distance_m = to_from_from.translation.norm();
-    double sigma_m = options_.step_sigma_m + options_.step_sigma_m_per_m * distance_m;
-    double sigma_rad = options_.step_sigma_rad + options_.step_sigma_rad_per_m * distance_m;
-    if (is_lost) {
-      sigma_m = options_.lost_sigma_m;
-      sigma_rad = options_.lost_sigma_rad;
-    }
-    graph_.edges.push_back({from, to, to_from_from, sigma_m, sigma_rad, /*is_robust=*/false});
+    graph_.edges.push_back(StepEdge(from, to, to_from_from, options_.step, is_lost));
   }
 
   const Map& map_;

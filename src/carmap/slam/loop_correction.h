@@ -12,17 +12,13 @@
 #include "carmap/map/map_edit.h"
 #include "carmap/slam/loop_detector.h"
 #include "carmap/slam/map_window.h"
+#include "carmap/solve/pose_graph.h"
 #include "carmap/solve/position_prior.h"
 
 namespace carmap {
 
 struct LoopCorrectionOptions {
-  // Standard deviations of the pose of a keyframe relative to the one before: so much, and so much
-  // for each metre between them.
-  double step_sigma_m = 0.01, step_sigma_m_per_m = 0.01;
-  double step_sigma_rad = 5e-4, step_sigma_rad_per_m = 3e-4;
-  /// Where keyframes after each other see nothing in common.
-  double lost_sigma_m = 10, lost_sigma_rad = 0.2;
+  StepNoise step;
 
   int min_shared_landmarks = 30;      ///< of keyframes far apart in time that hold each other
   size_t min_keyframes_between = 20;  ///< that make them far apart

@@ -220,6 +220,16 @@ class PoseGraphSolver {
 
 }  // namespace
 
+PoseGraphEdge StepEdge(uint32_t from_idx, uint32_t to_idx, const Rigid3& to_from_from,
+                       const StepNoise& noise, bool is_lost) {
+  const double distance_m = to_from_from.translation.norm();
+  const double sigma_m =
+      is_lost ? noise.lost_sigma_m : noise.sigma_m + noise.sigma_m_per_m * distance_m;
+  const double sigma_rad =
+      is_lost ? noise.lost_sigma_rad : noise.sigma_rad + noise.sigma_rad_per_m * distance_m;
+  return {from_idx, to_idx, to_from_from, sigma_m, sigma_rad, /*is_robust=*/false};
+}
+
 EdgeError LinearizeEdge(const PoseGraphEdge& edge, const Rigid3& from_from_map,
                         const Rigid3& to_from_map) {
   const Rigid3 to_from_from = to_from_map * from_from_map.Inverse();

@@ -23,6 +23,18 @@ struct PoseGraphEdge {
   bool is_robust = false;
 };
 
+/// How far off the pose of a keyframe relative to another of its drive is, as tracked: standard
+/// deviations of each axis, so much and so much for each metre between them.
+struct StepNoise {
+  double sigma_m = 0.01, sigma_m_per_m = 0.01;
+  double sigma_rad = 5e-4, sigma_rad_per_m = 3e-4;
+  /// Where the two see nothing in common.
+  double lost_sigma_m = 10, lost_sigma_rad = 0.2;
+};
+
+PoseGraphEdge StepEdge(uint32_t from_idx, uint32_t to_idx, const Rigid3& to_from_from,
+                       const StepNoise& noise, bool is_lost);
+
 /// The problem, and after SolvePoseGraph its solution. Priors are always robust. They are in the
 /// map's frame: GPS fixes are brought there first (AlignToFixes).
 struct PoseGraph {

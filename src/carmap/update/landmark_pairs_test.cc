@@ -7,54 +7,16 @@
 namespace carmap {
 namespace {
 
-const Rigid3 kBaseFromSegment{RotationExp({0.2, -1.1, 0.3}), {900, -20, 4000}};
-
-std::vector<PointPair> RandomPairs(size_t count, double sigma_m, double outlier_ratio) {
-  StreetRandom random(8);
-  std::vector<PointPair> pairs;
-  for (size_t i = 0; i < count; ++i) {
-    PointPair& pair = pairs.emplace_back();
-    pair.p_in_segment = {random.Uniform(-15, 15), random.Uniform(-5, 2), random.Uniform(0, 60)};
-    pair.p_in_base = kBaseFromSegment * pair.p_in_segment;
-    // Far landmarks are ten times as uncertain as near ones.
-    const double sigma = i % 2 ? sigma_m : 10 * sigma_m;
-    const double assumed = std::max(sigma, 0.01);
-    pair.base_covariance = pair.segment_covariance =
-        assumed * assumed / 2 * Eigen::Matrix3d::Identity();
-    for (int axis = 0; axis < 3; ++axis) pair.p_in_base[axis] += random.Normal(sigma);
-    if (random.Uniform(0, 1) < outlier_ratio) pair.p_in_base.x() += random.Uniform(3, 9);
-  }
-  return pairs;
+TEST(MostFrequent, PairsWhatMostKeyframesMatch) {
+  const std::vector<LandmarkPair> matches = {{0, 5}, {1, 5}, {0, 5}, {1, 6},
+                                             {2, 6}, {2, 6}, {3, 7}};
+  EXPECT_EQ(MostFrequent(matches, 4, 8), (std::vector<LandmarkPair>{{0, 5}, {2, 6}, {3, 7}}));
+  EXPECT_TRUE(MostFrequent({}, 4, 8).empty());
 }
 
-Rigid3 Disturbed(const Rigid3& base_from_segment) {
-  return base_from_segment * Rigid3{RotationExp({0.01, -0.02, 0.01}), {0.3, -0.1, 0.4}};
-}
-
-TEST(AlignPairs, IsExactWithoutNoiseDespiteOutliers) {
-  const auto pairs = RandomPairs(300, 0, 0.25);
-  const auto alignment = AlignPairs(pairs, Disturbed(kBaseFromSegment));
-  ASSERT_TRUE(alignment);
-  const Rigid3 error = kBaseFromSegment.Inverse() * alignment->base_from_segment;
-  EXPECT_LT(error.translation.norm(), 1e-6);
-  EXPECT_LT(RotationAngle(error.rotation), 1e-8);
-  EXPECT_NEAR(alignment->inlier_count, 225, 25);
-}
-
-TEST(AlignPairs, WeighsPairsByTheirUncertainty) {
-  const auto alignment = AlignPairs(RandomPairs(400, 0.02, 0.1), Disturbed(kBaseFromSegment));
-  ASSERT_TRUE(alignment);
-  const Rigid3 error = kBaseFromSegment.Inverse() * alignment->base_from_segment;
-  const Eigen::Vector3d center(0, 0, 30);
-  // 180 pairs of 2 cm: 1.5 mm an axis. Unweighted, those of 20 cm would leave 10 mm.
-  EXPECT_LT((error * center - center).norm(), 0.006);
-  EXPECT_GT(alignment->inlier_count, 340);
-}
-
-TEST(AlignPairs, RefusesPairsThatDetermineNothing) {
-  EXPECT_FALSE(AlignPairs({}, Rigid3()));
-  EXPECT_FALSE(AlignPairs(RandomPairs(4, 0, 0), kBaseFromSegment));
-  EXPECT_FALSE(AlignPairs(std::vector<PointPair>(50, RandomPairs(1, 0, 0)[0]), kBaseFromSegment));
+TEST(MostFrequent, TakesTheFirstOfEquallyFrequentOnes) {
+  EXPECT_EQ(MostFrequent({{1, 1}, {1, 0}, {0, 1}}, 2, 2),
+            (std::vector<LandmarkPair>{{0, 1}, {1, 0}}));
 }
 
 TEST(LandmarkCovariance, GrowsAlongTheLineOfSight) {
@@ -77,6 +39,28 @@ TEST(LandmarkCovariance, GrowsAlongTheLineOfSight) {
   EXPECT_NEAR(std::sqrt(far(2, 2)), depth_sigma_m, 0.01 * depth_sigma_m);
   EXPECT_NEAR(std::sqrt(far(0, 0)), std::hypot(40.0 / 718 * noise.pixel_px, 0.02), 0.005);
   EXPECT_NEAR(std::sqrt(far(2, 2) / near(2, 2)), 16, 0.5);
+}
+
+// Views of one drive err together, drives on their own.
+TEST(LandmarkCovariance, ShrinksWithDrivesNotWithViews) {
+  const auto variance_of = [](int drives, uint32_t views_of_drive) {
+    LeanMap lean;
+    LeanLandmark landmark;
+    landmark.id = {{1}, 0};
+    landmark.position_in_map = {0, 0, 20};
+    for (int d = 1; d <= drives; ++d) {
+      const DriveId id{static_cast<uint64_t>(d)};
+      lean.drives.push_back({id, kStreetRig});
+      for (uint32_t i = 0; i < views_of_drive; ++i) {
+        landmark.keyframe_idxs.push_back(static_cast<uint32_t>(lean.keyframes.size()));
+        lean.keyframes.emplace_back().id = {id, i};
+      }
+    }
+    lean.landmarks.push_back(landmark);
+    return LandmarkCovariance(Reconstruct(lean), 0, MeasurementNoise())(2, 2);
+  };
+  EXPECT_NEAR(variance_of(1, 12), variance_of(1, 3), 1e-9);
+  EXPECT_NEAR(variance_of(4, 3), variance_of(1, 3) / 4, 1e-4);
 }
 
 }  // namespace

@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cstdint>
-#include <limits>
+#include <iterator>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -14,8 +16,6 @@
 
 namespace carmap {
 namespace {
-
-constexpr uint32_t kNone = std::numeric_limits<uint32_t>::max();
 
 absl::Status CheckInputs(const LeanMap& base, const LeanMap& segment) {
   CARMAP_RETURN_IF_ERROR(CheckConsistency(base));
@@ -32,85 +32,148 @@ absl::Status CheckInputs(const LeanMap& base, const LeanMap& segment) {
   return absl::OkStatus();
 }
 
-absl::Status CheckCoarse(const CoarseOverlap& overlap, const StitchOptions& options) {
-  if (overlap.agreeing < options.min_keyframes) {
+absl::Status CheckOverlap(const Overlap& overlap, const StitchOptions& options) {
+  if (overlap.agreeing.keyframes < options.min_keyframes ||
+      overlap.agreeing.inliers < options.min_located_inliers) {
     return absl::FailedPreconditionError(fmt::format(
         "the segment does not overlap the base map: of {} keyframes looked for {} were found there "
-        "and {} agree on a place, {} are needed; map further into road that the base map holds",
-        overlap.tried, overlap.found, overlap.agreeing, options.min_keyframes));
+        "and {} agree on a place, by {} landmarks; {} and {} are needed; map further into road "
+        "that the base map holds",
+        overlap.tried, overlap.found, overlap.agreeing.keyframes, overlap.agreeing.inliers,
+        options.min_keyframes, options.min_located_inliers));
   }
   if (overlap.IsAmbiguous(options.overlap)) {
     return absl::FailedPreconditionError(
         fmt::format("the segment fits the base map in two places: {} keyframes agree on one, {} on "
                     "another; map further into road that the base map holds, or with GPS",
-                    overlap.agreeing, overlap.dissenting));
+                    overlap.agreeing.keyframes, overlap.dissenting.keyframes));
   }
   return absl::OkStatus();
 }
 
-absl::Status CheckFine(const FineOverlap& overlap, const PairAlignment* alignment,
-                       const StitchOptions& options) {
-  const int inliers = alignment ? alignment->inlier_count : 0;
-  const size_t keyframes = overlap.segment_keyframes.size(), matches = overlap.pairs.size();
+double DistanceM(const AnchoredKeyframe& anchor, const SegmentFit& fit) {
+  return (anchor.base_from_camera.translation -
+          fit.base_from_camera[anchor.keyframe_idx].translation)
+      .norm();
+}
+
+double LargestDistanceM(const std::vector<AnchoredKeyframe>& anchors, const SegmentFit& fit) {
+  double largest_m = 0;
+  for (const AnchoredKeyframe& anchor : anchors)
+    largest_m = std::max(largest_m, DistanceM(anchor, fit));
+  return largest_m;
+}
+
+/// Where a landmark of the segment goes that the base has too, and how far apart the two are.
+struct MergedLandmark {
+  LandmarkPair pair;
+  Eigen::Vector3d position_in_base;
+  double distance_m = 0;
+};
+
+/// A segment fitted to a base map, and what both saw.
+struct Join {
+  SegmentFit fit;
+  Strain strain;
+  std::vector<Eigen::Vector3d> positions_in_base;  ///< of the segment's landmarks
+  size_t matches = 0;
+  std::vector<MergedLandmark> merged;
+};
+
+absl::Status CheckFit(const Join& join, const StitchOptions& options) {
+  const SegmentFit& fit = join.fit;
+  const size_t keyframes = fit.anchors.size(), contradicting = fit.contradicting.size();
+  if (static_cast<double>(contradicting) >
+      options.max_contradicting_ratio * static_cast<double>(keyframes + contradicting)) {
+    const AnchoredKeyframe& first = fit.contradicting.front();
+    return absl::FailedPreconditionError(fmt::format(
+        "the segment contradicts the base map: of {} keyframes that see landmarks of both, these "
+        "put {} elsewhere than the rest, by up to {:.1f} m, the first is number {}; one of the two "
+        "maps is wrong there, or the places only look alike",
+        keyframes + contradicting, contradicting, LargestDistanceM(fit.contradicting, fit),
+        first.keyframe_idx));
+  }
+  if (join.strain.ratio > options.max_strain) {
+    return absl::FailedPreconditionError(fmt::format(
+        "the segment contradicts the base map: to fit it, {:.0f} m of it from keyframe {} on would "
+        "have to be bent by {:.1f} m, {:.1f} m are allowed; one of the two maps is wrong there",
+        kStrainStretchM, join.strain.keyframe_idx, kStrainStretchM * join.strain.ratio,
+        kStrainStretchM * options.max_strain));
+  }
+  const size_t inliers = join.merged.size();
   if (keyframes >= options.min_keyframes && inliers >= options.min_inliers &&
-      inliers >= options.min_inlier_ratio * static_cast<double>(matches)) {
+      static_cast<double>(inliers) >=
+          options.min_inlier_ratio * static_cast<double>(join.matches)) {
     return absl::OkStatus();
   }
   return absl::FailedPreconditionError(fmt::format(
       "the segment hardly overlaps the base map: {} keyframes and {} landmarks match, of which {} "
       "lie in one place; {} keyframes, {} landmarks and {:.0f} % in one place are needed; map "
       "further into road that the base map holds",
-      keyframes, matches, inliers, options.min_keyframes, options.min_inliers,
+      keyframes, join.matches, inliers, options.min_keyframes, options.min_inliers,
       100 * options.min_inlier_ratio));
 }
 
-/// The pairs that lie in one place, and the transform that brings them there.
-struct Fit {
-  FineOverlap overlap;
-  std::vector<LandmarkPair> inliers;
-  Rigid3 base_from_segment;
-  double median_distance_m = 0;
-};
-
-double LargestMisfit(const FineOverlap& overlap, const ReconstructedMap& segment,
-                     const Rigid3& base_from_segment) {
-  double largest_m = 0;
-  for (size_t i = 0; i < overlap.segment_keyframes.size(); ++i) {
-    const SnapshotKeyframe& keyframe = segment.snapshot.keyframes[overlap.segment_keyframes[i]];
-    const Eigen::Vector3d put = base_from_segment * keyframe.map_from_camera.translation;
-    largest_m = std::max(largest_m, (put - overlap.positions_in_base[i]).norm());
+/// Landmarks ride on the keyframe that stands nearest to them, which knows best where they are.
+std::vector<Eigen::Vector3d> PositionsInBase(const ReconstructedMap& segment,
+                                             const std::vector<Rigid3>& base_from_camera) {
+  std::vector<Eigen::Vector3d> positions;
+  positions.reserve(segment.snapshot.landmarks.size());
+  for (uint32_t i = 0; i < segment.snapshot.landmarks.size(); ++i) {
+    const Eigen::Vector3d& position = segment.snapshot.landmarks[i].position_in_map;
+    const auto distance_from = [&](uint32_t keyframe_idx) {
+      const auto& keyframe = segment.snapshot.keyframes[keyframe_idx];
+      return (keyframe.map_from_camera.translation - position).squaredNorm();
+    };
+    const auto viewers = segment.keyframes_of_landmark[i];
+    const uint32_t nearest = *std::min_element(
+        viewers.begin(), viewers.end(),
+        [&](uint32_t a, uint32_t b) { return distance_from(a) < distance_from(b); });
+    const Rigid3& segment_from_camera = segment.snapshot.keyframes[nearest].map_from_camera;
+    positions.push_back(base_from_camera[nearest] * (segment_from_camera.Inverse() * position));
   }
-  return largest_m;
+  return positions;
 }
 
-/// FindTransform of Algorithm A.1: over the landmarks of all overlapping keyframes, where the paper
-/// takes the one keyframe with most matches.
-absl::StatusOr<Fit> FindTransform(const ReconstructedMap& base, const ReconstructedMap& segment,
-                                  Rigid3 base_from_segment, const StitchOptions& options) {
-  const MeasurementNoise& noise = options.overlap.tracking.noise;
-  constexpr int kRounds = 3;  // more pairs are found with a better transform, and the reverse
-  Fit fit;
-  for (int round = 0; round < kRounds; ++round) {
-    fit.overlap = MatchOverlap(base, segment, base_from_segment, options.overlap);
-    const auto points = PointsOf(base, segment, fit.overlap.pairs, noise);
-    const auto alignment = AlignPairs(points, base_from_segment);
-    CARMAP_RETURN_IF_ERROR(CheckFine(fit.overlap, alignment ? &*alignment : nullptr, options));
-    base_from_segment = alignment->base_from_segment;
-    if (round + 1 < kRounds) continue;
+/// Both positions weighted by what is known of them; nothing if they are not of one place.
+std::optional<MergedLandmark> MergePositions(const ReconstructedMap& base,
+                                             const ReconstructedMap& segment,
+                                             const LandmarkPair& pair, const Join& join,
+                                             const MeasurementNoise& noise) {
+  constexpr double kFitSigmaM = 0.05;         // of the bent segment, common to its landmarks there
+  constexpr double kChiSquareBound = 16.266;  // 99.9 %, three degrees of freedom
+  const uint32_t viewer = segment.keyframes_of_landmark[pair.segment_idx].front();
+  const Eigen::Matrix3d base_from_segment =
+      (join.fit.base_from_camera[viewer].rotation *
+       segment.snapshot.keyframes[viewer].map_from_camera.rotation.conjugate())
+          .toRotationMatrix();
+  const Eigen::Matrix3d by_base = LandmarkCovariance(base, pair.base_idx, noise);
+  Eigen::Matrix3d by_segment = base_from_segment *
+                               LandmarkCovariance(segment, pair.segment_idx, noise) *
+                               base_from_segment.transpose();
+  by_segment.diagonal().array() += kFitSigmaM * kFitSigmaM;
+  const Eigen::Vector3d& p_by_base = base.snapshot.landmarks[pair.base_idx].position_in_map;
+  const Eigen::Vector3d difference = join.positions_in_base[pair.segment_idx] - p_by_base;
+  const Eigen::Vector3d weighted = (by_base + by_segment).inverse() * difference;
+  if (difference.dot(weighted) > kChiSquareBound) return std::nullopt;
+  return MergedLandmark{pair, p_by_base + by_base * weighted, difference.norm()};
+}
 
-    fit.base_from_segment = base_from_segment;
-    std::vector<double> distances_m;
-    for (size_t i = 0; i < points.size(); ++i) {
-      if (!alignment->is_inlier[i]) continue;
-      fit.inliers.push_back(fit.overlap.pairs[i]);
-      distances_m.push_back(
-          (base_from_segment * points[i].p_in_segment - points[i].p_in_base).norm());
+Join JoinMaps(const ReconstructedMap& base, const ReconstructedMap& segment,
+              const LocatedKeyframe& start, const StitchOptions& options,
+              KeyframeLocator& locator) {
+  Join join;
+  join.fit = FitSegment(base, segment, start, options.fit, locator);
+  join.strain = LargestStrain(segment, join.fit);
+  join.positions_in_base = PositionsInBase(segment, join.fit.base_from_camera);
+  const auto pairs = MatchLandmarks(base, segment, join.fit, options.fit);
+  join.matches = pairs.size();
+  for (const LandmarkPair& pair : pairs) {
+    if (const auto merged = MergePositions(base, segment, pair, join, options.fit.tracking.noise)) {
+      join.merged.push_back(*merged);
     }
-    const auto middle = distances_m.begin() + static_cast<std::ptrdiff_t>(distances_m.size() / 2);
-    std::nth_element(distances_m.begin(), middle, distances_m.end());
-    fit.median_distance_m = *middle;
   }
-  return fit;
+  return join;
 }
 
 /// Where records of one map come to stand among those of the merged one.
@@ -132,14 +195,27 @@ std::vector<uint32_t> MergeById(const std::vector<Record>& base, const std::vect
   return segment_places;
 }
 
-LeanMap Merge(const LeanMap& base, const LeanMap& segment, const Fit& fit) {
+/// What the segment saw of a landmark that the base has.
+void MergeInto(LeanLandmark& kept, const LeanLandmark& landmark) {
+  // The level is that of the first keyframe in the list, whichever map it comes from.
+  if (landmark.keyframe_idxs.front() < kept.keyframe_idxs.front()) {
+    kept.first_level = landmark.first_level;
+  }
+  std::vector<uint32_t> seen_by;
+  std::set_union(kept.keyframe_idxs.begin(), kept.keyframe_idxs.end(),
+                 landmark.keyframe_idxs.begin(), landmark.keyframe_idxs.end(),
+                 std::back_inserter(seen_by));
+  kept.keyframe_idxs = std::move(seen_by);
+}
+
+LeanMap Merge(const LeanMap& base, const LeanMap& segment, const Join& join) {
   const auto by_id = [](const auto& a, const auto& b) { return a.id < b.id; };
   LeanMap merged = base;
   merged.drives.insert(merged.drives.end(), segment.drives.begin(), segment.drives.end());
   std::sort(merged.drives.begin(), merged.drives.end(), by_id);
-  for (LeanKeyframe keyframe : segment.keyframes) {
-    keyframe.map_from_camera = fit.base_from_segment * keyframe.map_from_camera;
-    merged.keyframes.push_back(keyframe);
+  for (size_t i = 0; i < segment.keyframes.size(); ++i) {
+    merged.keyframes.push_back(segment.keyframes[i]);
+    merged.keyframes.back().map_from_camera = join.fit.base_from_camera[i];
   }
   std::sort(merged.keyframes.begin(), merged.keyframes.end(), by_id);
 
@@ -148,39 +224,55 @@ LeanMap Merge(const LeanMap& base, const LeanMap& segment, const Fit& fit) {
   for (LeanLandmark& landmark : merged.landmarks) {
     for (uint32_t& idx : landmark.keyframe_idxs) idx = base_places[idx];
   }
-  std::vector<uint32_t> base_of(segment.landmarks.size(), kNone);
-  for (const LandmarkPair& pair : fit.inliers) base_of[pair.segment_idx] = pair.base_idx;
+  std::vector<const MergedLandmark*> in_base(segment.landmarks.size(), nullptr);
+  for (const MergedLandmark& landmark : join.merged) in_base[landmark.pair.segment_idx] = &landmark;
   for (size_t i = 0; i < segment.landmarks.size(); ++i) {
     LeanLandmark landmark = segment.landmarks[i];
     for (uint32_t& idx : landmark.keyframe_idxs) idx = segment_places[idx];
-    if (base_of[i] == kNone) {
-      landmark.position_in_map = fit.base_from_segment * landmark.position_in_map;
+    if (!in_base[i]) {
+      landmark.position_in_map = join.positions_in_base[i];
       merged.landmarks.push_back(std::move(landmark));
       continue;
     }
-    LeanLandmark& kept = merged.landmarks[base_of[i]];
-    // The level is that of the first keyframe in the list, whichever map it comes from.
-    if (landmark.keyframe_idxs.front() < kept.keyframe_idxs.front()) {
-      kept.first_level = landmark.first_level;
-    }
-    std::vector<uint32_t> seen_by;
-    std::set_union(kept.keyframe_idxs.begin(), kept.keyframe_idxs.end(),
-                   landmark.keyframe_idxs.begin(), landmark.keyframe_idxs.end(),
-                   std::back_inserter(seen_by));
-    kept.keyframe_idxs = std::move(seen_by);
+    LeanLandmark& kept = merged.landmarks[in_base[i]->pair.base_idx];
+    kept.position_in_map = in_base[i]->position_in_base;
+    MergeInto(kept, landmark);
   }
   std::sort(merged.landmarks.begin(), merged.landmarks.end(), by_id);
   return merged;
 }
 
-size_t CountBaseKeyframes(const ReconstructedMap& base, const std::vector<LandmarkPair>& inliers) {
+size_t CountBaseKeyframes(const ReconstructedMap& base, const std::vector<MergedLandmark>& merged) {
   std::vector<bool> sees(base.snapshot.keyframes.size(), false);
-  for (const LandmarkPair& pair : inliers) {
-    for (const uint32_t keyframe_idx : base.keyframes_of_landmark[pair.base_idx]) {
+  for (const MergedLandmark& landmark : merged) {
+    for (const uint32_t keyframe_idx : base.keyframes_of_landmark[landmark.pair.base_idx]) {
       sees[keyframe_idx] = true;
     }
   }
   return static_cast<size_t>(std::count(sees.begin(), sees.end(), true));
+}
+
+double MedianDistanceM(std::vector<MergedLandmark> merged) {
+  const auto middle = merged.begin() + static_cast<ptrdiff_t>(merged.size() / 2);
+  std::nth_element(merged.begin(), middle, merged.end(),
+                   [](const auto& a, const auto& b) { return a.distance_m < b.distance_m; });
+  return middle->distance_m;
+}
+
+/// Of the ways between successive keyframes that both are anchors.
+double Scale(const SegmentFit& fit, const LeanMap& segment) {
+  double in_base_m = 0, in_segment_m = 0;
+  for (size_t i = 1; i < fit.anchors.size(); ++i) {
+    const uint32_t from = fit.anchors[i - 1].keyframe_idx, to = fit.anchors[i].keyframe_idx;
+    if (segment.keyframes[from].id.drive != segment.keyframes[to].id.drive) continue;
+    const auto step_m = [&](const Rigid3& a, const Rigid3& b) {
+      return (b.translation - a.translation).norm();
+    };
+    in_base_m += step_m(fit.base_from_camera[from], fit.base_from_camera[to]);
+    in_segment_m +=
+        step_m(segment.keyframes[from].map_from_camera, segment.keyframes[to].map_from_camera);
+  }
+  return in_segment_m > 0 ? in_base_m / in_segment_m : 1;
 }
 
 }  // namespace
@@ -198,23 +290,24 @@ absl::StatusOr<StitchedMap> Stitch(const LeanMap& base, const LeanMap& segment,
 
   const ReconstructedMap segment_map = Reconstruct(segment);
   const ReconstructedMap base_map = Reconstruct(base, segment_map.focal_length_px);
-  const CoarseOverlap coarse = FindOverlap(base_map, segment_map, options.overlap);
-  CARMAP_RETURN_IF_ERROR(CheckCoarse(coarse, options));
-  CARMAP_ASSIGN_OR_RETURN(const Fit fit,
-                          FindTransform(base_map, segment_map, coarse.base_from_segment, options));
+  KeyframeLocator locator(base_map, segment_map, options.locator);
+  const Overlap overlap = FindOverlap(segment_map, options.overlap, locator);
+  CARMAP_RETURN_IF_ERROR(CheckOverlap(overlap, options));
+  const Join join = JoinMaps(base_map, segment_map, overlap.best, options, locator);
+  CARMAP_RETURN_IF_ERROR(CheckFit(join, options));
 
-  StitchedMap stitched{Merge(base, segment, fit), {}};
-  stitched.report = {
-      .segment_keyframes_tried = coarse.tried,
-      .segment_keyframes_found = coarse.found,
-      .segment_keyframes_overlapping = fit.overlap.segment_keyframes.size(),
-      .base_keyframes_overlapping = CountBaseKeyframes(base_map, fit.inliers),
-      .matches = fit.overlap.pairs.size(),
-      .inliers = fit.inliers.size(),
-      .duplicates_removed = fit.inliers.size(),
-      .median_distance_m = fit.median_distance_m,
-      .largest_misfit_m = LargestMisfit(fit.overlap, segment_map, fit.base_from_segment),
-      .base_from_segment = fit.base_from_segment};
+  StitchedMap stitched{Merge(base, segment, join), {}};
+  stitched.report = {.segment_keyframes_tried = overlap.tried,
+                     .segment_keyframes_found = overlap.found,
+                     .segment_keyframes_overlapping = join.fit.anchors.size(),
+                     .segment_keyframes_contradicting = join.fit.contradicting.size(),
+                     .base_keyframes_overlapping = CountBaseKeyframes(base_map, join.merged),
+                     .matches = join.matches,
+                     .inliers = join.merged.size(),
+                     .median_distance_m = MedianDistanceM(join.merged),
+                     .largest_misfit_m = LargestDistanceM(join.fit.anchors, join.fit),
+                     .largest_strain = join.strain.ratio,
+                     .scale = Scale(join.fit, segment)};
   CARMAP_RETURN_IF_ERROR(CheckConsistency(stitched.map));
   return stitched;
 }
