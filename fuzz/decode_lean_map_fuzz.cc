@@ -106,11 +106,8 @@ void Localize(const carmap::ReconstructedMap& map) {
 }
 
 void StitchToItself(const carmap::LeanMap& map) {
-  carmap::StitchOptions options{.min_keyframes = 1,
-                                .min_located_inliers = 4,
-                                .min_inliers = 6,
-                                .min_inlier_ratio = 0,
-                                .max_strain = 1e9};
+  carmap::StitchOptions options{
+      .min_keyframes = 1, .min_inliers = 6, .min_inlier_ratio = 0, .max_strain = 1e9};
   options.locator.min_inliers = 4;
   options.locator.place_search.tracking.min_inliers = 4;
   options.locator.place_search.min_agreeing_matches = 4;

@@ -77,7 +77,6 @@ OverlapVotes VotesOf(const std::vector<LocatedKeyframe>& group) {
   OverlapVotes votes;
   for (const LocatedKeyframe& located : group) {
     ++votes.keyframes;
-    votes.inliers += located.inliers;
     votes.near_fix += located.is_near_fix;
   }
   return votes;

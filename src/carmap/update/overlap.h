@@ -28,7 +28,6 @@ struct OverlapOptions {
 /// Keyframes of the segment that agree on where it lies.
 struct OverlapVotes {
   size_t keyframes = 0;
-  size_t inliers = 0;   ///< of all of them
   size_t near_fix = 0;  ///< of the keyframes, where their GPS fixes say
 };
 

@@ -24,7 +24,7 @@
 namespace carmap {
 
 struct FitOptions {
-  TrackingOptions tracking{.min_inliers = 20};  ///< of an anchor
+  TrackingOptions tracking{.min_inliers = 12};  ///< of an anchor
   NeighbourhoodOptions neighbourhood;
   size_t view_neighbours = 16;  ///< keyframes that show what a keyframe is anchored by (ViewFrom)
   StepNoise step;               ///< of the segment's own steps

@@ -33,14 +33,11 @@ absl::Status CheckInputs(const LeanMap& base, const LeanMap& segment) {
 }
 
 absl::Status CheckOverlap(const Overlap& overlap, const StitchOptions& options) {
-  if (overlap.agreeing.keyframes < options.min_keyframes ||
-      overlap.agreeing.inliers < options.min_located_inliers) {
+  if (overlap.agreeing.keyframes < options.min_keyframes) {
     return absl::FailedPreconditionError(fmt::format(
         "the segment does not overlap the base map: of {} keyframes looked for {} were found there "
-        "and {} agree on a place, by {} landmarks; {} and {} are needed; map further into road "
-        "that the base map holds",
-        overlap.tried, overlap.found, overlap.agreeing.keyframes, overlap.agreeing.inliers,
-        options.min_keyframes, options.min_located_inliers));
+        "and {} agree on a place, {} are needed; map further into road that the base map holds",
+        overlap.tried, overlap.found, overlap.agreeing.keyframes, options.min_keyframes));
   }
   if (overlap.IsAmbiguous(options.overlap)) {
     return absl::FailedPreconditionError(

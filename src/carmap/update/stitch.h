@@ -18,10 +18,9 @@ struct StitchOptions {
   LocatorOptions locator;
   OverlapOptions overlap;
   FitOptions fit;
-  size_t min_keyframes = 3;         ///< of the segment, that must agree on where it lies ...
-  size_t min_located_inliers = 90;  ///< ... by so many landmarks of the base together
-  size_t min_inliers = 50;          ///< landmarks of both maps that are the same
-  double min_inlier_ratio = 0.3;    ///< of the matched landmarks
+  size_t min_keyframes = 3;       ///< of the segment, that must agree on where it lies
+  size_t min_inliers = 30;        ///< landmarks of both maps that are the same
+  double min_inlier_ratio = 0.3;  ///< of the matched landmarks
   /// Keyframes that the base's landmarks put elsewhere than the fit does, of all that see some.
   double max_contradicting_ratio = 0.2;
   double max_strain = 0.05;  ///< by which the fit may change a stretch of the segment
