@@ -1,7 +1,7 @@
 #include "carmap/update/segment_fit.h"
 
 #include <algorithm>
-#include <array>
+#include <cmath>
 #include <optional>
 #include <queue>
 #include <tuple>
@@ -9,6 +9,8 @@
 
 #include "carmap/feature/feature_grid.h"
 #include "carmap/localize/keyframe_view.h"
+#include "carmap/localize/landmark_matcher.h"
+#include "carmap/localize/landmark_shift.h"
 
 namespace carmap {
 namespace {
@@ -18,6 +20,9 @@ namespace {
 constexpr double kNearM = 10, kMaxRadiusPx = 60;
 constexpr double kLocatedSlackM = 1.5, kLocatedSlackRad = 0.1;
 constexpr size_t kCovisibleLinks = 4;
+// Keyframes near each other are anchored by the same landmarks, so that their errors are not their
+// own: standard deviations grow by the root of how many they share them with.
+constexpr double kSharedErrors = 3;
 
 /// Keyframes that the segment itself places relative to each other.
 class SegmentLinks {
@@ -122,12 +127,40 @@ class AnchorSearch {
     const auto pose =
         TrackAround(base_, grid, rig, base_from_camera.Inverse(), tracking, options_.neighbourhood);
     if (!pose) return std::nullopt;
-    const auto covariance = WithSharedErrors(pose->covariance);
-    return AnchoredKeyframe{keyframe_idx, pose->camera_from_map.Inverse(), SigmaM(covariance),
-                            SigmaRad(covariance), 1};
+    return Refine(keyframe_idx, view, grid, pose->camera_from_map);
   }
 
  private:
+  /// With what is known of the landmarks of both maps: those that the base saw from afar only, as
+  /// at its end, are metres off.
+  std::optional<AnchoredKeyframe> Refine(uint32_t keyframe_idx, const KeyframeView& view,
+                                         const FeatureGrid& grid,
+                                         const Rigid3& camera_from_base) const {
+    const StereoRig& rig = RigOf(segment_, keyframe_idx);
+    const MeasurementNoise& noise = options_.tracking.noise;
+    const auto matches = MatchByProjection(
+        base_.snapshot, LandmarksAround(base_, camera_from_base.Inverse(), options_.neighbourhood),
+        grid, rig, camera_from_base, {.radius_px = options_.tracking.final_radius_px});
+    auto measurements = MeasurementsOf(base_.snapshot, view.features, rig, matches);
+    const Rigid3 camera_from_segment = links_.Pose(keyframe_idx).Inverse();
+    for (size_t i = 0; i < matches.size(); ++i) {
+      const LandmarkMatch& match = matches[i];
+      const LandmarkShift in_base =
+          ShiftOf(base_.snapshot.landmarks[match.landmark_idx], rig, camera_from_base, noise);
+      const LandmarkShift in_segment =
+          ShiftOf(segment_.snapshot.landmarks[view.landmark_idxs[match.feature_idx]], rig,
+                  camera_from_segment, noise);
+      measurements[i].landmark_sigma_px =
+          (in_base.sigma_px.array().square() + in_segment.sigma_px.array().square()).sqrt();
+    }
+    const PoseEstimate estimate = RefinePose(rig, noise, measurements, camera_from_base);
+    if (estimate.inlier_count < options_.tracking.min_inliers) return std::nullopt;
+    return AnchoredKeyframe{
+        keyframe_idx, estimate.camera_from_map.Inverse(),
+        std::hypot(kSharedErrors * SigmaM(estimate.covariance), options_.min_sigma_m),
+        std::hypot(kSharedErrors * SigmaRad(estimate.covariance), options_.min_sigma_rad), 1};
+  }
+
   Prediction Follow(const Prediction& from, uint32_t to) const {
     const Rigid3 step = links_.Between(from.keyframe_idx, to);
     return {to, from.base_from_camera * step,

@@ -27,7 +27,8 @@ struct FitOptions {
   TrackingOptions tracking{.min_inliers = 12};  ///< of an anchor
   NeighbourhoodOptions neighbourhood;
   size_t view_neighbours = 16;  ///< keyframes that show what a keyframe is anchored by (ViewFrom)
-  StepNoise step;               ///< of the segment's own steps
+  double min_sigma_m = 0.05, min_sigma_rad = 0.002;  ///< of an anchor, whatever its landmarks say
+  StepNoise step;                                    ///< of the segment's own steps
   /// How far a keyframe may be from where its neighbour's pose in the base puts it: so much of the
   /// way between them.
   double max_drift_ratio = 0.02;

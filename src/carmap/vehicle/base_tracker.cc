@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "carmap/localize/landmark_matcher.h"
+#include "carmap/localize/landmark_shift.h"
 #include "carmap/localize/motion_model.h"
 
 namespace carmap {
@@ -117,29 +118,15 @@ const std::vector<uint32_t>& BaseTracker::LandmarksNear(const Rigid3& base_from_
   return neighbourhood_;
 }
 
-/// A landmark's place is known across the line of sight as well as its nearest viewer saw it, along
-/// it by stereo.
 SeenLandmarks BaseTracker::See(const FeatureGrid& grid, const Rigid3& camera_from_base,
                                const std::vector<LandmarkMatch>& matches) const {
-  const MeasurementNoise& noise = options_.window.noise;
-  const Eigen::Matrix3d rotation = camera_from_base.rotation.toRotationMatrix();
-  SeenLandmarks seen{MeasurementsOf(base_.snapshot, grid.features(), rig_, matches),
-                     std::vector<Eigen::Vector3d>(matches.size(), Eigen::Vector3d::Zero())};
+  SeenLandmarks seen;
+  seen.measurements = MeasurementsOf(base_.snapshot, grid.features(), rig_, matches);
   for (size_t i = 0; i < matches.size(); ++i) {
-    const SnapshotLandmark& landmark = base_.snapshot.landmarks[matches[i].landmark_idx];
-    const Eigen::Vector3d p = camera_from_base * landmark.position_in_map;
-    if (p.z() <= 0) continue;
-    const double seen_from_m = landmark.min_distance_m;
-    const double across_m = noise.pixel_px * seen_from_m / rig_.camera.fx;
-    const double along_m_per_px = seen_from_m * seen_from_m / (rig_.camera.fx * rig_.baseline_m);
-    const Eigen::Matrix3d jacobian = StereoProjectionJacobian(rig_, p);
-    const Eigen::Vector3d along =
-        jacobian * (rotation * landmark.direction_to_viewers.cast<double>()) * along_m_per_px;
-    seen.common_shift_px[i] = options_.common_disparity_px * along;
-    seen.measurements[i].landmark_sigma_px =
-        ((noise.disparity_px * along).array().square() +
-         jacobian.rowwise().squaredNorm().array() * (across_m * across_m))
-            .sqrt();
+    const LandmarkShift shift = ShiftOf(base_.snapshot.landmarks[matches[i].landmark_idx], rig_,
+                                        camera_from_base, options_.window.noise);
+    seen.common_shift_px.push_back(options_.common_disparity_px * shift.along);
+    seen.measurements[i].landmark_sigma_px = shift.sigma_px;
   }
   return seen;
 }
