@@ -761,6 +761,14 @@ TEST_F(CliTest, WorksOnWhenNobodyReadsItsStandardErrorAnyMore) {
   EXPECT_TRUE(ReadLeanMap(work() / "m.cmap").ok());
 }
 
+TEST_F(CliTest, WorksOnWhenItsTerminalIsClosed) {
+  const Result result = RunProgram(
+      work(), {"map", "../drive", "--replay", "20", "--out", "m.cmap"}, root_,
+      "& program=$!; for i in 1 2 3; do sleep 0.2; kill -HUP $program; done; wait $program");
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_TRUE(ReadLeanMap(work() / "m.cmap").ok());
+}
+
 TEST_F(CliTest, WritesTheMapWhateverElseCannotBeWritten) {
   // The largest file that may be written, in blocks of 512 bytes: like a disk that is full.
   const Result result = RunProgram(work(),

@@ -53,10 +53,10 @@ std::string ExplainUsage(const CLI::App& app, const CLI::ParseError& error,
   return fmt::format("there is no command '{}'; see `carmap --help`", first_argument);
 }
 
-/// Streams that are closed or that nobody reads any more cost no work: writing to them is an error,
-/// not a signal, and no file that is opened takes their place.
+/// Streams and terminals that are closed or that nobody reads any more cost no work: writing to
+/// them is an error, not a signal, and no file that is opened takes their place.
 void SecureStandardStreams() {
-  for (const int signal : {SIGPIPE, SIGXFSZ}) std::signal(signal, SIG_IGN);
+  for (const int signal : {SIGPIPE, SIGXFSZ, SIGHUP}) std::signal(signal, SIG_IGN);
   int descriptor = 0;
   while (descriptor >= 0 && descriptor <= STDERR_FILENO) {
     descriptor = ::open("/dev/null", O_RDONLY);  // the lowest that is free

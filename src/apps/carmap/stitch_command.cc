@@ -36,11 +36,12 @@ nlohmann::ordered_json ToJson(const StitchReport& report) {
           {"segment_keyframes_found", report.segment_keyframes_found},
           {"segment_keyframes_overlapping", report.segment_keyframes_overlapping},
           {"segment_keyframes_contradicting", report.segment_keyframes_contradicting},
+          {"segment_keyframes_added", report.segment_keyframes_added},
           {"base_keyframes_overlapping", report.base_keyframes_overlapping},
           {"matches", report.matches},
           {"inliers", report.inliers},
           {"median_distance_m", report.median_distance_m},
-          {"largest_misfit_m", report.largest_misfit_m},
+          {"median_misfit_m", report.median_misfit_m},
           {"largest_strain", report.largest_strain},
           {"scale", report.scale}};
 }
@@ -92,15 +93,17 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
   files.Write(arguments.report, [&] { return WriteReport(arguments.report, report); });
 
   const StitchReport& found = stitched->report;
-  fmt::print("stitched      {} + {} = {} in {:.1f} s\n", Count(base.keyframes.size(), "keyframe"),
+  fmt::print("stitched      {} + {} of {} = {} in {:.1f} s\n",
+             Count(base.keyframes.size(), "keyframe"), found.segment_keyframes_added,
              segment.keyframes.size(), stitched->map.keyframes.size(), wall_s);
   fmt::print("overlap       {}, {} in both maps, {:.3f} m apart in the median\n",
              Count(found.segment_keyframes_overlapping, "keyframe"),
              Count(found.inliers, "landmark"), found.median_distance_m);
   fmt::print(
-      "bent          by a factor of {:.4f}; {:.2f} m at most from where the base's landmarks put a "
-      "keyframe\n",
-      found.scale, found.largest_misfit_m);
+      "bent          by a factor of {:.4f}, by {:.1f} % of 30 m at most; keyframes are {:.2f} m "
+      "from "
+      "where the base puts them in the median\n",
+      found.scale, 100 * found.largest_strain, found.median_misfit_m);
   fmt::print("landmarks     {} + {} - {} duplicates = {}\n", base.landmarks.size(),
              segment.landmarks.size(), found.inliers, stitched->map.landmarks.size());
   fmt::print("map           {}, {} (base {}, segment {})\n", arguments.out,

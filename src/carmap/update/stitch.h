@@ -9,6 +9,7 @@
 
 #include "carmap/map/lean_map.h"
 #include "carmap/update/keyframe_locator.h"
+#include "carmap/update/merge_segment.h"
 #include "carmap/update/overlap.h"
 #include "carmap/update/segment_fit.h"
 
@@ -18,6 +19,7 @@ struct StitchOptions {
   LocatorOptions locator;
   OverlapOptions overlap;
   FitOptions fit;
+  MergeOptions merge;
   size_t min_keyframes = 3;       ///< of the segment, that must agree on where it lies
   size_t min_inliers = 30;        ///< landmarks of both maps that are the same
   double min_inlier_ratio = 0.3;  ///< of the matched landmarks
@@ -31,12 +33,13 @@ struct StitchReport {
   size_t segment_keyframes_found = 0;          ///< of these found there
   size_t segment_keyframes_overlapping = 0;    ///< that hold the segment to the base
   size_t segment_keyframes_contradicting = 0;  ///< that the base's landmarks put elsewhere
+  size_t segment_keyframes_added = 0;          ///< the others stand where the base has one
   size_t base_keyframes_overlapping = 0;       ///< that see a landmark of the segment
   size_t matches = 0;                          ///< landmarks of both maps taken for the same ...
   size_t inliers = 0;                          ///< ... that lie in one place, and became one
   double median_distance_m = 0;  ///< of these, between the maps once the segment is bent
-  /// Between where an overlapping keyframe is put and where the base's landmarks see it, at most.
-  double largest_misfit_m = 0;
+  /// Between where overlapping keyframes are put and where the base's landmarks see them.
+  double median_misfit_m = 0;
   double largest_strain = 0;  ///< ratio by which the fit changes a stretch of 30 m, at most
   double scale = 1;           ///< lengths along the overlap, in the base by in the segment
 };
