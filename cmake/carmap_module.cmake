@@ -17,8 +17,10 @@ if(CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
 endif()
 target_include_directories(carmap_flags INTERFACE ${PROJECT_SOURCE_DIR}/src)
 if(CARMAP_SANITIZE)
+  # GCC 12 takes much of the standard library for uninitialised when it is instrumented.
   target_compile_options(carmap_flags INTERFACE
-    -fsanitize=${CARMAP_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+    -fsanitize=${CARMAP_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all
+    -Wno-maybe-uninitialized)
   target_link_options(carmap_flags INTERFACE -fsanitize=${CARMAP_SANITIZE})
 endif()
 if(CARMAP_SANITIZE MATCHES "thread")
