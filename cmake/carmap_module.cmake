@@ -20,7 +20,7 @@ if(CARMAP_SANITIZE)
   # GCC 12 takes much of the standard library for uninitialised when it is instrumented.
   target_compile_options(carmap_flags INTERFACE
     -fsanitize=${CARMAP_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all
-    -Wno-maybe-uninitialized)
+    $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   target_link_options(carmap_flags INTERFACE -fsanitize=${CARMAP_SANITIZE})
 endif()
 if(CARMAP_SANITIZE MATCHES "thread")

@@ -18,9 +18,11 @@ for fuzzer in build/fuzz/bin/*_fuzz; do
   name="$(basename "$fuzzer")"
   corpus="build/fuzz/corpus/$name"
   mkdir -p "$corpus"
+  seeds=()
+  [[ "$name" != decode_lean_map_fuzz ]] || seeds=(src/carmap/format/testdata)
   echo "== $name for $seconds s"
-  "$fuzzer" -max_total_time="$seconds" -print_final_stats=1 \
-    -artifact_prefix="build/fuzz/$name-" "$corpus"
+  "$fuzzer" -max_total_time="$seconds" -print_final_stats=1 -max_len=16384 -rss_limit_mb=1024 \
+    -timeout=30 -artifact_prefix="build/fuzz/$name-" "$corpus" "${seeds[@]}"
 done
 if ((found == 0)); then
   echo "fuzz.sh: no program build/fuzz/bin/*_fuzz was built; see fuzz/CMakeLists.txt" >&2
