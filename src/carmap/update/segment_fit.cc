@@ -58,6 +58,9 @@ class SegmentLinks {
              return other.keyframe_idx < next && AreInOneDrive(other.keyframe_idx, next);
            });
   }
+  bool IsLostBetween(uint32_t a, uint32_t b) const {
+    return std::max(a, b) - std::min(a, b) == 1 && AreInOneDrive(a, b) && !IsStep(std::min(a, b));
+  }
   const Rigid3& Pose(uint32_t keyframe_idx) const {
     return segment_.snapshot.keyframes[keyframe_idx].map_from_camera;
   }
@@ -95,7 +98,7 @@ class AnchorSearch {
     }
     std::vector<bool> is_placed(fit.base_from_camera.size(), false);
     std::priority_queue<Prediction> open;
-    open.push({start.keyframe_idx, start.base_from_camera, kLocatedSlackM, 0});
+    open.push({start.keyframe_idx, start.base_from_camera, 0, 0});
     while (!open.empty()) {
       Prediction next = open.top();
       open.pop();
@@ -163,8 +166,10 @@ class AnchorSearch {
 
   Prediction Follow(const Prediction& from, uint32_t to) const {
     const Rigid3 step = links_.Between(from.keyframe_idx, to);
-    return {to, from.base_from_camera * step,
-            from.error_m + options_.max_drift_ratio * step.translation.norm(), from.searched_at_m};
+    const double error_m = links_.IsLostBetween(from.keyframe_idx, to)
+                               ? options_.step.lost_sigma_m
+                               : options_.max_drift_ratio * step.translation.norm();
+    return {to, from.base_from_camera * step, from.error_m + error_m, from.searched_at_m};
   }
 
   /// Near the prediction if that is sure enough, else anywhere that it allows.

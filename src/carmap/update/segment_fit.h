@@ -65,8 +65,8 @@ SegmentFit FitSegment(const ReconstructedMap& base, const ReconstructedMap& segm
                       const LocatedKeyframe& start, const FitOptions& options,
                       KeyframeLocator& locator);
 
-/// Of all stretches the one that the fit changes most. A drive's own map is right to a
-/// few percent there: more means that the fit is wrong, or one of the maps.
+/// Of all stretches the one that the fit changes most. A drive's own map is right to a few percent
+/// there: more means that the fit is wrong, or one of the maps.
 Strain LargestStrain(const ReconstructedMap& segment, const SegmentFit& fit);
 
 /// What the segment's keyframes and the base's landmarks have in common where the fit puts them:
