@@ -21,8 +21,8 @@ constexpr double kNearM = 10, kMaxRadiusPx = 60;
 constexpr double kLocatedSlackM = 1.5, kLocatedSlackRad = 0.1;
 constexpr size_t kCovisibleLinks = 4;
 // Keyframes near each other are anchored by the same landmarks, so that their errors are not their
-// own: standard deviations grow by the root of how many they share them with.
-constexpr double kSharedErrors = 3;
+// own: standard deviations are so many times what each for itself would have.
+constexpr double kSharedErrors = 6;
 
 /// Keyframes that the segment itself places relative to each other.
 class SegmentLinks {
