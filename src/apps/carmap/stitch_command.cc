@@ -100,9 +100,9 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
              Count(found.segment_keyframes_overlapping, "keyframe"),
              Count(found.inliers, "landmark"), found.median_distance_m);
   fmt::print(
-      "bent          by a factor of {:.4f}, by {:.1f} % of 30 m at most; keyframes are {:.2f} m "
+      "fit           lengths times {:.4f}, bent by {:.1f} % at most; keyframes {:.2f} m (median) "
       "from "
-      "where the base puts them in the median\n",
+      "where the base's landmarks put them\n",
       found.scale, 100 * found.largest_strain, found.median_misfit_m);
   fmt::print("landmarks     {} + {} - {} duplicates = {}\n", base.landmarks.size(),
              segment.landmarks.size(), found.inliers, stitched->map.landmarks.size());
@@ -140,8 +140,9 @@ void AddStitchCommand(CLI::App& app, Command& chosen) {
   command->footer(
       R"(The segment is found in the base map by what its keyframes see. BASE stays, the segment bends to it:
 two drives measure lengths that differ by some tenths of a percent. Landmarks that both saw are kept
-once. A segment that does not overlap or contradicts the base, or whose drive is suspect, is refused
-with the reason, and no file is written or changed.
+once, and keyframes are added only where BASE has none. A segment that does not overlap or
+contradicts the base, or whose drive is suspect, is refused with the reason, and no file is written
+or changed.
 
 Example:
   carmap stitch base.cmap segment.cmap --out road.cmap
