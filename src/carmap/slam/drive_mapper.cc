@@ -57,6 +57,12 @@ class DriveMapper::MappingStage {
     if (located) local_map_ = located->local;
     return located;
   }
+  /// The mapper at rest, with all keyframes inserted so far in its map, even if it failed.
+  const LocalMapper& WaitForMapper() {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return published_ == inserted_; });
+    return mapper_;
+  }
   size_t inserted() const { return inserted_; }
   /// Makes the map consistent as a whole, once the last labels are there. To be called last.
   void Finish(const std::vector<LabelledKeyframe>& labelled) {
@@ -66,6 +72,7 @@ class DriveMapper::MappingStage {
     mapper_.EraseShortParts();
     closer_.Finish(mapper_);
   }
+  /// To be asked once the stage is finished.
   const LocalMapper& mapper() const { return mapper_; }
   Map ReleaseMap() { return mapper_.ReleaseMap(); }
   const LoopCloser& closer() const { return closer_; }
@@ -220,7 +227,7 @@ void DriveMapper::TakeHealth(const ExtractedFrame& frame, const TrackedFrame& tr
 DriveHealth DriveMapper::Health(const Trajectory& trajectory) const {
   std::vector<uint32_t> frame_indices;
   for (const TakenFrame& frame : frames_) frame_indices.push_back(frame.index);
-  const LocalMapper& mapper = mapping_->mapper();
+  const LocalMapper& mapper = mapping_->WaitForMapper();
   return health_.Judge(trajectory, frame_indices, mapper.map().keyframes().size(),
                        mapper.rig().disparity_bias, max_bias_px_);
 }
