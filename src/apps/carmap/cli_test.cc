@@ -283,6 +283,20 @@ TEST_F(CliTest, AlignsAMapByTheKeyframesOfTheDriveThatTheTruthIsOf) {
                 "none of its 2 drives is other");
 }
 
+// The base's keyframes stand for those of a drive that saw the same, with the same times.
+TEST_F(CliTest, DoesNotAlignAMapByADriveOfWhichItHasNoKeyframes) {
+  constexpr int kFirst = 4;
+  CopyTestDrive(1, kFrames - kFirst, work() / "later", kFirst);
+  ASSERT_EQ(Run({"map", "later", "--last", "5", "--out", "later.cmap"}).exit_code, 0);
+  ASSERT_EQ(
+      Run({"stitch", "../base.cmap", "later.cmap", "--out", "road.cmap", "--report", "s.json"})
+          .exit_code,
+      0);
+  ASSERT_EQ(ReadJson("s.json")["segment_keyframes_added"], 0);
+  ExpectRefused({"localize", "later", "--map", "road.cmap", "--map-truth", "later"},
+                "none of its 2 drives is later");
+}
+
 TEST_F(CliTest, StitchesByAppearanceAlone) {
   const Result stitch = Run({"stitch", "../base.cmap", "../segment.cmap", "--out", "road.cmap",
                              "--matching", "appearance", "--report", "stitch.json"});

@@ -26,9 +26,9 @@ absl::StatusOr<std::unique_ptr<KittiDrive>> OpenWithTruth(const std::string& fol
 
 namespace {
 
-/// The ids that the drive and ranges of it have in the map. A map of one drive is taken to be of
-/// this one: its times will tell.
-std::vector<DriveId> FindDrive(const LeanMap& map, const KittiDrive& drive) {
+/// The ids that the drive and ranges of it have in the map, of those with keyframes there. A map of
+/// one drive is taken to be of this one: its times will tell.
+std::vector<DriveId> IdsOf(const KittiDrive& drive, const LeanMap& map) {
   std::map<DriveId, FrameRange> mapped;
   for (const LeanKeyframe& keyframe : map.keyframes) {
     mapped.try_emplace(keyframe.id.drive, FrameRange{keyframe.id.index}).first->second.last =
@@ -36,7 +36,8 @@ std::vector<DriveId> FindDrive(const LeanMap& map, const KittiDrive& drive) {
   }
   std::vector<DriveId> ids;
   for (const auto& [id, range] : mapped) {
-    if (mapped.size() == 1 || id == drive.id() || drive.IsIdOfRange(id, range.first, *range.last)) {
+    if (map.drives.size() == 1 || id == drive.id() ||
+        drive.IsIdOfRange(id, range.first, *range.last)) {
       ids.push_back(id);
     }
   }
@@ -45,8 +46,9 @@ std::vector<DriveId> FindDrive(const LeanMap& map, const KittiDrive& drive) {
 
 absl::Status NotOfDrive(const LeanMap& map, const std::string& path, const std::string& folder) {
   return absl::FailedPreconditionError(
-      fmt::format("{}: none of its {} drives is {}, by times and first images; name a drive that "
-                  "the map was made from",
+      fmt::format("{}: none of its {} drives is {}, by times and first images, or none that it has "
+                  "keyframes of; name a drive that the map was made from, the first of a stitched "
+                  "one",
                   path, map.drives.size(), folder));
 }
 
@@ -55,7 +57,7 @@ absl::Status NotOfDrive(const LeanMap& map, const std::string& path, const std::
 absl::StatusOr<EvaluatedMap> AlignToTruth(const LeanMap& map, const std::string& path,
                                           const std::string& truth_folder) {
   CARMAP_ASSIGN_OR_RETURN(const auto drive, OpenWithTruth(truth_folder));
-  const std::vector<DriveId> ids = FindDrive(map, *drive);
+  const std::vector<DriveId> ids = IdsOf(*drive, map);
   if (ids.empty()) return NotOfDrive(map, path, truth_folder);
   const LeanMap of_drive = KeyframesOf(map, ids);
   const auto alignment = AlignMapToTruth(of_drive, drive->truth());
