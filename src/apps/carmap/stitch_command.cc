@@ -101,8 +101,7 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
              Count(found.inliers, "landmark"), found.median_distance_m);
   fmt::print(
       "fit           lengths times {:.4f}, bent by {:.1f} % at most; keyframes {:.2f} m (median) "
-      "from "
-      "where the base's landmarks put them\n",
+      "from where the base's landmarks put them\n",
       found.scale, 100 * found.largest_strain, found.median_misfit_m);
   fmt::print("landmarks     {} + {} - {} duplicates = {}\n", base.landmarks.size(),
              segment.landmarks.size(), found.inliers, stitched->map.landmarks.size());

@@ -14,11 +14,6 @@ double LevelShift(double from_focal_length_px, double to_focal_length_px) {
   return std::log(to_focal_length_px / from_focal_length_px) / std::log(kLevelScale);
 }
 
-const LeanDrive& DriveOf(const std::vector<LeanDrive>& drives, DriveId id) {
-  return *std::lower_bound(drives.begin(), drives.end(), id,
-                           [](const LeanDrive& a, DriveId b) { return a.id < b; });
-}
-
 MapSnapshot MakeSnapshot(const LeanMap& map, double focal_length_px) {
   MapSnapshot snapshot;
   snapshot.keyframes.reserve(map.keyframes.size());
@@ -41,7 +36,7 @@ MapSnapshot MakeSnapshot(const LeanMap& map, double focal_length_px) {
     landmark.descriptor = lean.descriptor;
     DeriveVisibility(viewers_in_map, lean.first_level, landmark);
     const DriveId first_drive = map.keyframes[lean.keyframe_idxs.front()].id.drive;
-    const double seen_with_px = DriveOf(map.drives, first_drive).rig.camera.fx;
+    const double seen_with_px = FindDrive(map.drives, first_drive)->rig.camera.fx;
     if (seen_with_px != focal_length_px) {
       landmark.level_at_1m += static_cast<float>(LevelShift(seen_with_px, focal_length_px));
     }
@@ -214,7 +209,7 @@ ReconstructedMap IndexSnapshot(MapSnapshot snapshot, double focal_length_px) {
 }
 
 const StereoRig& RigOf(const ReconstructedMap& map, uint32_t keyframe_idx) {
-  return DriveOf(map.drives, map.snapshot.keyframes[keyframe_idx].id.drive).rig;
+  return FindDrive(map.drives, map.snapshot.keyframes[keyframe_idx].id.drive)->rig;
 }
 
 Feature FeatureOf(const ReconstructedMap& map, const SnapshotLandmark& landmark,

@@ -1,8 +1,5 @@
 #include "carmap/localize/keyframe_view.h"
 
-#include <algorithm>
-#include <cmath>
-
 #include "carmap/localize/landmark_matcher.h"
 #include "carmap/localize/map_neighbourhood.h"
 

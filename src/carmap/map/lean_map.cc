@@ -27,12 +27,6 @@ bool IsUsable(const StereoRig& rig) {
          rig.baseline_m > 0 && bias_px.allFinite() && bias_px.cwiseAbs().maxCoeff() <= kMaxBiasPx;
 }
 
-bool HasDrive(const LeanMap& map, DriveId id) {
-  const auto drive = std::lower_bound(map.drives.begin(), map.drives.end(), id,
-                                      [](const LeanDrive& a, DriveId b) { return a.id < b; });
-  return drive != map.drives.end() && drive->id == id;
-}
-
 /// The records' ids must rise; `kind` names one.
 template <typename Record>
 absl::Status CheckAscending(const std::vector<Record>& records, const char* kind) {
@@ -46,7 +40,7 @@ absl::Status CheckAscending(const std::vector<Record>& records, const char* kind
 
 absl::Status CheckKeyframe(const LeanMap& map, size_t idx) {
   const LeanKeyframe& keyframe = map.keyframes[idx];
-  if (!HasDrive(map, keyframe.id.drive)) {
+  if (FindDrive(map.drives, keyframe.id.drive) == nullptr) {
     return Broken("keyframe", idx, "belongs to a drive that the map does not list");
   }
   if (!keyframe.timestamp.is_in_range()) {
@@ -63,7 +57,7 @@ absl::Status CheckKeyframe(const LeanMap& map, size_t idx) {
 
 absl::Status CheckLandmark(const LeanMap& map, size_t idx) {
   const LeanLandmark& landmark = map.landmarks[idx];
-  if (!HasDrive(map, landmark.id.drive)) {
+  if (FindDrive(map.drives, landmark.id.drive) == nullptr) {
     return Broken("landmark", idx, "belongs to a drive that the map does not list");
   }
   if (!landmark.position_in_map.allFinite()) {
@@ -100,6 +94,12 @@ absl::Status CheckLandmarksOfKeyframes(const LeanMap& map) {
 }
 
 }  // namespace
+
+const LeanDrive* FindDrive(const std::vector<LeanDrive>& drives, DriveId id) {
+  const auto drive = std::lower_bound(drives.begin(), drives.end(), id,
+                                      [](const LeanDrive& a, DriveId b) { return a.id < b; });
+  return drive != drives.end() && drive->id == id ? &*drive : nullptr;
+}
 
 absl::Status CheckConsistency(const LeanMap& map) {
   CARMAP_RETURN_IF_ERROR(CheckAscending(map.drives, "drive"));

@@ -57,6 +57,9 @@ struct LeanMap {
   std::vector<LeanLandmark> landmarks;  ///< ascending by id
 };
 
+/// The drive with this id, of drives ascending by id; null if there is none.
+const LeanDrive* FindDrive(const std::vector<LeanDrive>& drives, DriveId id);
+
 /// Checks every invariant and limit written above, that numbers are finite and that ids refer to
 /// drives that are there. Errors: InvalidArgument, naming the first record that breaks one.
 absl::Status CheckConsistency(const LeanMap& map);

@@ -164,10 +164,8 @@ class Merger {
   /// The level at which the first keyframe of its list sees the landmark, as the segment saw it.
   uint8_t FirstLevel(const LeanLandmark& landmark, uint32_t segment_idx) const {
     const LeanKeyframe& first = merged_.keyframes[landmark.keyframe_idxs.front()];
-    const auto drive =
-        std::lower_bound(merged_.drives.begin(), merged_.drives.end(), first.id.drive,
-                         [](const LeanDrive& candidate, DriveId id) { return candidate.id < id; });
-    return FeatureOf(segment_map_, segment_map_.snapshot.landmarks[segment_idx], drive->rig,
+    const StereoRig& rig = FindDrive(merged_.drives, first.id.drive)->rig;
+    return FeatureOf(segment_map_, segment_map_.snapshot.landmarks[segment_idx], rig,
                      first.map_from_camera.Inverse() * landmark.position_in_map)
         .level;
   }

@@ -119,9 +119,11 @@ class AnchorSearch {
   /// Looks for the keyframe around a pose that is about right.
   std::optional<AnchoredKeyframe> FindNear(uint32_t keyframe_idx, const Rigid3& base_from_camera,
                                            double radius_px) const {
-    if (LandmarksAround(base_, base_from_camera, options_.neighbourhood).empty()) {
-      return std::nullopt;
-    }
+    const bool is_at_base =
+        !base_.keyframe_centers
+             .WithinRadius(base_from_camera.translation, options_.neighbourhood.radius_m, 1)
+             .empty();
+    if (!is_at_base) return std::nullopt;
     const StereoRig& rig = RigOf(segment_, keyframe_idx);
     const KeyframeView view = ViewFrom(segment_, keyframe_idx, options_.view_neighbours);
     const FeatureGrid grid(view.features, rig.camera.width, rig.camera.height);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "carmap/base/status_macros.h"
+#include "carmap/base/summary.h"
 #include "carmap/index/reconstruct.h"
 
 namespace carmap {
@@ -52,8 +53,9 @@ double DistanceM(const AnchoredKeyframe& anchor, const SegmentFit& fit) {
 
 double LargestDistanceM(const std::vector<AnchoredKeyframe>& anchors, const SegmentFit& fit) {
   double largest_m = 0;
-  for (const AnchoredKeyframe& anchor : anchors)
+  for (const AnchoredKeyframe& anchor : anchors) {
     largest_m = std::max(largest_m, DistanceM(anchor, fit));
+  }
   return largest_m;
 }
 
@@ -102,23 +104,16 @@ size_t CountBaseKeyframes(const ReconstructedMap& base, const std::vector<Merged
   return static_cast<size_t>(std::count(sees.begin(), sees.end(), true));
 }
 
-/// Of at least one value.
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 double MedianDistanceM(const std::vector<MergedLandmark>& merged) {
   std::vector<double> distances_m;
   for (const MergedLandmark& landmark : merged) distances_m.push_back(landmark.distance_m);
-  return Median(std::move(distances_m));
+  return Summarize(std::move(distances_m)).median;
 }
 
 double MedianMisfitM(const SegmentFit& fit) {
   std::vector<double> misfits_m;
   for (const AnchoredKeyframe& anchor : fit.anchors) misfits_m.push_back(DistanceM(anchor, fit));
-  return Median(std::move(misfits_m));
+  return Summarize(std::move(misfits_m)).median;
 }
 
 /// Of the ways between successive keyframes that both are anchors.
@@ -142,8 +137,9 @@ double Scale(const SegmentFit& fit, const LeanMap& segment) {
 absl::StatusOr<StitchedMap> Stitch(const LeanMap& base, const LeanMap& segment,
                                    const StitchOptions& options) {
   CARMAP_RETURN_IF_ERROR(CheckInputs(base, segment));
-  if (base.keyframes.empty())
+  if (base.keyframes.empty()) {
     return StitchedMap{segment, {.segment_keyframes_added = segment.keyframes.size()}};
+  }
   if (segment.landmarks.empty()) {
     return absl::FailedPreconditionError(fmt::format(
         "the segment has no landmarks in its {} keyframes, so it cannot be placed in the base map; "

@@ -25,6 +25,17 @@ LeanMap BaseMap(const Street& street, const StreetNoise& noise = {}) {
   return MapStreet(street, {500}, kStreetRig, DriveAlong(0, 0, 70), kBaseFromWorld, noise);
 }
 
+/// Of a street whose part beyond 80 m lies that much further on; driven up to `before_m` and from
+/// 80 to 140 m of that part.
+LeanMap TornBaseMap(Street street, double before_m, double shift_m) {
+  for (Street::Corner& corner : street.corners) {
+    if (corner.p_in_world.z() > 80) corner.p_in_world.z() += shift_m;
+  }
+  auto poses = DriveAlong(0, 0, before_m);
+  for (const Rigid3& pose : DriveAlong(0, 80 + shift_m, 140 + shift_m)) poses.push_back(pose);
+  return MapStreet(street, {500}, kStreetRig, poses, kBaseFromWorld);
+}
+
 LeanMap Segment(const Street& street, double lane_m, double from_m, double to_m, DriveId id = {900},
                 const StreetNoise& noise = {}) {
   return MapStreet(street, id, kStreetRig, DriveAlong(lane_m, from_m, to_m), kSegmentFromWorld,
@@ -202,13 +213,7 @@ TEST(Stitch, FindsTheOverlapByAppearanceAlone) {
 // The base map holds one half of the segment's street here, the other elsewhere.
 TEST(Stitch, RefusesASegmentThatFitsInTwoPlaces) {
   const Street street = MakeStreet(3, 170);
-  Street torn = street;
-  for (Street::Corner& corner : torn.corners) {
-    if (corner.p_in_world.z() > 80) corner.p_in_world.z() += 200;
-  }
-  auto poses = DriveAlong(0, 0, 60);
-  for (const Rigid3& pose : DriveAlong(0, 280, 340)) poses.push_back(pose);
-  const LeanMap base = MapStreet(torn, {500}, kStreetRig, poses, kBaseFromWorld);
+  const LeanMap base = TornBaseMap(street, 60, 200);
   const auto stitched = Stitch(base, Segment(street, 0, 0, 130));
   ASSERT_EQ(stitched.status().code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(stitched.status().message()), HasSubstr("in two places"));
@@ -353,13 +358,7 @@ TEST(Stitch, TiesTheSegmentWhereItComesBackToTheBase) {
 // A base that jumps by 3 m, as after frames that were lost.
 TEST(Stitch, RefusesABaseThatContradictsTheSegment) {
   const Street street = MakeStreet(3, 170);
-  Street torn = street;
-  for (Street::Corner& corner : torn.corners) {
-    if (corner.p_in_world.z() > 80) corner.p_in_world.z() += 3;
-  }
-  auto poses = DriveAlong(0, 0, 75);
-  for (const Rigid3& pose : DriveAlong(0, 83, 143)) poses.push_back(pose);
-  const LeanMap base = MapStreet(torn, {500}, kStreetRig, poses, kBaseFromWorld);
+  const LeanMap base = TornBaseMap(street, 75, 3);
   const auto stitched = Stitch(base, Segment(street, 0, 0, 130));
   ASSERT_EQ(stitched.status().code(), absl::StatusCode::kFailedPrecondition);
   EXPECT_THAT(std::string(stitched.status().message()), HasSubstr("contradicts the base map"));
