@@ -62,6 +62,7 @@ LeanMap Enlarge(const LeanMap& map, size_t copies, bool is_true) {
       landmark.id = {map.drives.front().id, static_cast<uint32_t>(large.landmarks.size())};
       landmark.position_in_map += PlaceOfCopy(copy);
       for (uint32_t& keyframe_idx : landmark.keyframe_idxs) keyframe_idx += first_keyframe;
+      landmark.anchor_idx += first_keyframe;
       if (copy > 0 || !is_true) ChangeBits(random, landmark.descriptor);
       large.landmarks.push_back(landmark);
     }

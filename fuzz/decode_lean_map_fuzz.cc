@@ -69,10 +69,10 @@ carmap::LeanMap OfOtherDrives(const carmap::LeanMap& map) {
   for (const carmap::LeanDrive& drive : map.drives) {
     while (std::any_of(map.drives.begin(), map.drives.end(),
                        [&](const carmap::LeanDrive& d) { return d.id == other; })) {
-      ++other.value;
+      ++other.input;
     }
     other_of[drive.id] = other;
-    ++other.value;
+    ++other.input;
   }
   carmap::LeanMap renamed = map;
   for (carmap::LeanDrive& drive : renamed.drives) drive.id = other_of[drive.id];
@@ -107,11 +107,11 @@ void Localize(const carmap::ReconstructedMap& map) {
 
 void StitchToItself(const carmap::LeanMap& map) {
   carmap::StitchOptions options{
-      .min_keyframes = 1, .min_inliers = 6, .min_inlier_ratio = 0, .max_strain = 1e9};
-  options.locator.min_inliers = 4;
-  options.locator.place_search.tracking.min_inliers = 4;
-  options.locator.place_search.min_agreeing_matches = 4;
-  options.fit.tracking.min_inliers = 4;
+      .fit = {.min_keyframes = 1, .min_inliers = 6, .min_inlier_ratio = 0, .max_strain = 1e9}};
+  options.fit.locator.min_inliers = 4;
+  options.fit.locator.place_search.tracking.min_inliers = 4;
+  options.fit.locator.place_search.min_agreeing_matches = 4;
+  options.fit.bend.tracking.min_inliers = 4;
   const auto stitched = carmap::Stitch(map, OfOtherDrives(map), options);
   if (stitched.ok()) Check(carmap::CheckConsistency(stitched->map).ok());
 }

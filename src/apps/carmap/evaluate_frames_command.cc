@@ -131,7 +131,7 @@ void FindFrames(KittiDrive& drive, FrameFinder& finder) {
 absl::Status FindTrace(const std::string& path, const KittiDrive& drive, FrameFinder& finder) {
   CARMAP_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, kMaxFullMapBytes));
   CARMAP_ASSIGN_OR_RETURN(const FullMap trace, DecodeFullMap(bytes, path));
-  if (trace.drive.id != drive.id()) {
+  if (trace.drive.id.input != drive.id().input) {
     return absl::FailedPreconditionError(
         fmt::format("{}: is not of this drive; write it with `carmap map --full-map`", path));
   }

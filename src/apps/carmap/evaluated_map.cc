@@ -29,17 +29,13 @@ namespace {
 /// The ids that the drive and ranges of it have in the map, of those with keyframes there. A map of
 /// one drive is taken to be of this one: its times will tell.
 std::vector<DriveId> IdsOf(const KittiDrive& drive, const LeanMap& map) {
-  std::map<DriveId, FrameRange> mapped;
+  std::map<DriveId, uint32_t> first_mapped;
   for (const LeanKeyframe& keyframe : map.keyframes) {
-    mapped.try_emplace(keyframe.id.drive, FrameRange{keyframe.id.index}).first->second.last =
-        keyframe.id.index;
+    first_mapped.try_emplace(keyframe.id.drive, keyframe.id.index);
   }
   std::vector<DriveId> ids;
-  for (const auto& [id, range] : mapped) {
-    if (map.drives.size() == 1 || id == drive.id() ||
-        drive.IsIdOfRange(id, range.first, *range.last)) {
-      ids.push_back(id);
-    }
+  for (const auto& [id, first] : first_mapped) {
+    if (map.drives.size() == 1 || drive.HasInput(id, first)) ids.push_back(id);
   }
   return ids;
 }

@@ -56,7 +56,7 @@ std::vector<std::string> FaultNames(const DriveFaults& faults) {
 
 nlohmann::ordered_json ToJson(const LeanMap& map, const LeanDrive& drive) {
   const PinholeCamera& camera = drive.rig.camera;
-  return {{"id", fmt::format("{:016x}", drive.id.value)},
+  return {{"id", ToHex(drive.id)},
           {"keyframes", KeyframesOf(map, drive.id)},
           {"width_px", camera.width},
           {"height_px", camera.height},
@@ -120,8 +120,8 @@ void PrintTable(const std::string& path, const LeanMap& map, size_t bytes) {
   }
   for (const LeanDrive& drive : map.drives) {
     const PinholeCamera& camera = drive.rig.camera;
-    row("drive", fmt::format("{:016x}: {}, features at {}x{} px, fx {:.1f} px, baseline {:.3f} m{}",
-                             drive.id.value, Count(KeyframesOf(map, drive.id), "keyframe"),
+    row("drive", fmt::format("{}: {}, features at {}x{} px, fx {:.1f} px, baseline {:.3f} m{}",
+                             ToHex(drive.id), Count(KeyframesOf(map, drive.id), "keyframe"),
                              camera.width, camera.height, camera.fx, drive.rig.baseline_m,
                              drive.faults.any() ? "; suspect: " + NamesOf(drive.faults) : ""));
   }

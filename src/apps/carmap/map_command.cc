@@ -1,11 +1,17 @@
+#include <absl/strings/numbers.h>
+#include <absl/time/time.h>
 #include <fmt/format.h>
+#include <xxhash.h>
 
 #include <CLI/App.hpp>
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <random>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -38,8 +44,10 @@
 namespace carmap {
 namespace {
 
+constexpr uint64_t kMaxHashedFileBytes = uint64_t{1} << 30;
+
 struct Arguments {
-  std::string drive, out, full_map, vocabulary, segmenter, trajectory, report, picture;
+  std::string drive, out, full_map, vocabulary, segmenter, trajectory, report, picture, start_time;
   FrameRange range;
   std::optional<double> replay_hz;
   size_t segment_every = 1;
@@ -48,6 +56,7 @@ struct Arguments {
 
 /// What a run made, and what it took to make it.
 struct Run {
+  DriveId id;
   RowMisalignment undone;  ///< of the right images
   MappedDrive mapped;
   StrippedMap stripped;
@@ -97,15 +106,55 @@ std::optional<Summary> GeoreferencedError(const MappedDrive& mapped, const Traje
   return Summarize(*errors_m);
 }
 
+/// The input's and that of all that changes the result; with a replay, which no other run repeats,
+/// its own.
+absl::StatusOr<DriveId> IdOfRun(const DriveId& drive, const Arguments& arguments) {
+  if (arguments.replay_hz) {
+    std::random_device random;
+    return DriveId{drive.input, (uint64_t{random()} << 32) | random()};
+  }
+  std::string options =
+      fmt::format("carmap " CARMAP_VERSION " {:016x} loops {} segmenter {} every {}", drive.options,
+                  !arguments.no_loops, arguments.segmenter, arguments.segment_every);
+  for (const std::string& file : FilesOfSegmenter(arguments.segmenter, arguments.drive)) {
+    std::error_code is_folder;  // of labels, which are the drive's own
+    if (!std::filesystem::is_regular_file(file, is_folder)) continue;
+    CARMAP_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(file, kMaxHashedFileBytes));
+    options += bytes;
+  }
+  if (!arguments.vocabulary.empty()) {
+    CARMAP_ASSIGN_OR_RETURN(const std::string bytes,
+                            ReadFile(arguments.vocabulary, kMaxHashedFileBytes));
+    options += bytes;
+  }
+  return DriveId{drive.input, XXH3_64bits(options.data(), options.size())};
+}
+
+/// "2026-11-28T04:17:55Z", or seconds since 1970.
+absl::StatusOr<Timestamp> ParseStartTime(const std::string& text) {
+  double seconds = 0;
+  if (absl::SimpleAtod(text, &seconds) && seconds >= 0 && seconds < 3e9) {
+    return Timestamp::FromSeconds(seconds);
+  }
+  absl::Time time;
+  if (std::string error; absl::ParseTime(absl::RFC3339_full, text, &time, &error)) {
+    const Timestamp parsed{absl::ToUnixNanos(time)};
+    if (parsed.is_in_range()) return parsed;
+  }
+  return absl::InvalidArgumentError(fmt::format(
+      "--start-time {}: is no time; write 2026-11-28T04:17:55Z or seconds since 1970", text));
+}
+
 /// As fast as it goes, or as a camera gives frames.
 absl::Status MapFrames(KittiDrive& drive, const Arguments& arguments, Run& run) {
+  CARMAP_ASSIGN_OR_RETURN(run.id, IdOfRun(drive.id(), arguments));
   run.undone = FindMisalignment(drive);
   if (!arguments.replay_hz) {
-    CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(drive, drive.id(), arguments, run.undone));
+    CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(drive, run.id, arguments, run.undone));
     return absl::OkStatus();
   }
   CameraReplay replay(drive, {.rate_hz = *arguments.replay_hz});
-  CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(replay, drive.id(), arguments, run.undone));
+  CARMAP_ASSIGN_OR_RETURN(run.mapped, MapWithProgress(replay, run.id, arguments, run.undone));
   run.dropped_frames = replay.dropped_count();
   return absl::OkStatus();
 }
@@ -131,10 +180,10 @@ absl::Status WriteMap(const Arguments& arguments, Run& run) {
   return WriteFileAtomically(arguments.out, *bytes);
 }
 
-absl::Status WriteFullMap(const Run& run, DriveId id, const Arguments& arguments) {
+absl::Status WriteFullMap(const Run& run, const Arguments& arguments) {
   CARMAP_RETURN_IF_ERROR(CheckHoldsLandmarks(run, arguments.drive));
   return WriteFileAtomically(arguments.full_map,
-                             EncodeFullMap(FullMapOf(run.mapped.map, {id, run.mapped.rig})));
+                             EncodeFullMap(FullMapOf(run.mapped.map, {run.id, run.mapped.rig})));
 }
 
 /// Maps the drive and writes the map: what the reported time and memory are of.
@@ -142,11 +191,16 @@ absl::StatusOr<Run> MapAndWrite(KittiDrive& drive, const Arguments& arguments,
                                 const Stopwatch& watch, OutputFiles& files) {
   Run run;
   std::optional<GpsFix> truth_origin;
+  std::optional<Timestamp> unix_start = drive.unix_start();
+  if (!arguments.start_time.empty()) {
+    CARMAP_ASSIGN_OR_RETURN(unix_start, ParseStartTime(arguments.start_time));
+  }
   if (!drive.truth().empty()) {
     CARMAP_ASSIGN_OR_RETURN(truth_origin, ReadWorldOrigin(arguments.drive));
   }
   CARMAP_RETURN_IF_ERROR(MapFrames(drive, arguments, run));
-  run.stripped = Strip(run.mapped.map, {drive.id(), run.mapped.rig, run.mapped.health.faults()});
+  run.stripped =
+      Strip(run.mapped.map, {run.id, run.mapped.rig, run.mapped.health.faults(), unix_start});
   if (run.mapped.georeference) ReplaceFixes(*run.mapped.georeference, run.stripped.lean);
   run.has_map = files.Write(arguments.out, [&] { return WriteMap(arguments, run); });
   run.wall_s = watch.ElapsedMs() * 1e-3;
@@ -329,7 +383,7 @@ absl::Status WriteReportOf(const Run& run, size_t frames, const Arguments& argum
 /// What was asked for besides the map.
 void WriteOthers(const Run& run, const KittiDrive& drive, const Arguments& arguments,
                  OutputFiles& files) {
-  files.Write(arguments.full_map, [&] { return WriteFullMap(run, drive.id(), arguments); });
+  files.Write(arguments.full_map, [&] { return WriteFullMap(run, arguments); });
   files.Write(arguments.trajectory,
               [&] { return WriteTrajectory(arguments.trajectory, run.mapped.trajectory); });
   files.Write(arguments.picture, [&] { return WritePicture(run, drive.truth(), arguments); });
@@ -389,6 +443,12 @@ void AddMapCommand(CLI::App& app, Command& chosen) {
                    "up: it holds three; what comes beyond is dropped")
       ->check(CLI::Range(0.1, 1000.0))
       ->type_name("HZ");
+  command
+      ->add_option("--start-time", arguments->start_time,
+                   "When the drive's clock showed 0, for maps that live long: "
+                   "2026-11-28T04:17:55Z, or seconds since 1970 (default: known where times.txt is "
+                   "in Unix time)")
+      ->type_name("TIME");
   command->add_flag("--no-loops", arguments->no_loops,
                     "Leave loops open, to see how far the vehicle drifts");
   command

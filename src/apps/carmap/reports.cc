@@ -39,6 +39,20 @@ std::string BytesText(double bytes) {
   return fmt::format("{:.2f} MB", bytes / 1e6);
 }
 
+nlohmann::ordered_json ToJson(const FitReport& report) {
+  return {{"segment_keyframes_tried", report.segment_keyframes_tried},
+          {"segment_keyframes_found", report.segment_keyframes_found},
+          {"segment_keyframes_overlapping", report.segment_keyframes_overlapping},
+          {"segment_keyframes_contradicting", report.segment_keyframes_contradicting},
+          {"base_keyframes_overlapping", report.base_keyframes_overlapping},
+          {"matches", report.matches},
+          {"inliers", report.inliers},
+          {"median_distance_m", report.median_distance_m},
+          {"median_misfit_m", report.median_misfit_m},
+          {"largest_strain", report.largest_strain},
+          {"scale", report.scale}};
+}
+
 nlohmann::ordered_json ToJson(const std::vector<LostFrame>& lost_frames) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
   for (const LostFrame& frame : lost_frames) {

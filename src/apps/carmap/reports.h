@@ -11,6 +11,7 @@
 #include "carmap/eval/map_picture.h"
 #include "carmap/map/lean_map.h"
 #include "carmap/slam/map_drive.h"
+#include "carmap/update/fit.h"
 
 namespace carmap {
 
@@ -28,6 +29,8 @@ std::string Count(size_t count, const std::string& noun);
 
 /// "12.3 kB", "4.56 MB": in powers of 1000.
 std::string BytesText(double bytes);
+
+nlohmann::ordered_json ToJson(const FitReport& report);
 
 /// [{index reason}]
 nlohmann::ordered_json ToJson(const std::vector<LostFrame>& lost_frames);

@@ -31,30 +31,15 @@ nlohmann::ordered_json SizeOf(const LeanMap& map, size_t bytes) {
           {"bytes", bytes}};
 }
 
-nlohmann::ordered_json ToJson(const StitchReport& report) {
-  return {{"segment_keyframes_tried", report.segment_keyframes_tried},
-          {"segment_keyframes_found", report.segment_keyframes_found},
-          {"segment_keyframes_overlapping", report.segment_keyframes_overlapping},
-          {"segment_keyframes_contradicting", report.segment_keyframes_contradicting},
-          {"segment_keyframes_added", report.segment_keyframes_added},
-          {"base_keyframes_overlapping", report.base_keyframes_overlapping},
-          {"matches", report.matches},
-          {"inliers", report.inliers},
-          {"median_distance_m", report.median_distance_m},
-          {"median_misfit_m", report.median_misfit_m},
-          {"largest_strain", report.largest_strain},
-          {"scale", report.scale}};
-}
-
 /// What a suspect drive mapped would spoil a good map.
 absl::Status CheckSound(const LeanMap& segment, const Arguments& arguments) {
   if (arguments.accept_suspect) return absl::OkStatus();
   for (const LeanDrive& drive : segment.drives) {
     if (drive.faults.none()) continue;
     return absl::FailedPreconditionError(fmt::format(
-        "{}: its drive {:016x} is suspect: {}; mend the drive and map it again, or take it as it "
+        "{}: its drive {} is suspect: {}; mend the drive and map it again, or take it as it "
         "is with --accept-suspect",
-        arguments.segment, drive.id.value, NamesOf(drive.faults)));
+        arguments.segment, ToHex(drive.id), NamesOf(drive.faults)));
   }
   return absl::OkStatus();
 }
@@ -73,7 +58,7 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
   CARMAP_RETURN_IF_ERROR(CheckSound(segment, arguments));
 
   StitchOptions options;
-  options.locator.by_appearance = arguments.matching == "appearance";
+  options.fit.locator.by_appearance = arguments.matching == "appearance";
   const auto stitched = Stitch(base, segment, options);
   if (!stitched.ok()) return WithName(arguments.segment, stitched.status());
   const auto bytes = EncodeLeanMap(stitched->map);
@@ -85,6 +70,7 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
   const double wall_s = watch.ElapsedMs() * 1e-3;
 
   nlohmann::ordered_json report = ToJson(stitched->report);
+  report["segment_keyframes_added"] = stitched->keyframes_added;
   report["base"] = SizeOf(base, base_bytes.size());
   report["segment"] = SizeOf(segment, segment_bytes.size());
   report["result"] = SizeOf(stitched->map, bytes->size());
@@ -92,9 +78,9 @@ absl::StatusOr<ExitCode> RunStitch(const Arguments& arguments) {
   report["peak_rss_mb"] = PeakMemoryMb();
   files.Write(arguments.report, [&] { return WriteReport(arguments.report, report); });
 
-  const StitchReport& found = stitched->report;
+  const FitReport& found = stitched->report;
   fmt::print("stitched      {} + {} of {} = {} in {:.1f} s\n",
-             Count(base.keyframes.size(), "keyframe"), found.segment_keyframes_added,
+             Count(base.keyframes.size(), "keyframe"), stitched->keyframes_added,
              segment.keyframes.size(), stitched->map.keyframes.size(), wall_s);
   fmt::print("overlap       {}, {} in both maps, {:.3f} m apart in the median\n",
              Count(found.segment_keyframes_overlapping, "keyframe"),

@@ -307,19 +307,19 @@ void AppendPixels(const cv::Mat& image, std::string& bytes) {
   }
 }
 
-DriveId HashInput(const StereoRig& rig, const std::vector<Timestamp>& times, uint32_t first,
-                  uint32_t last, const cv::Mat& left, const cv::Mat& right) {
+uint64_t HashInput(const StereoRig& rig, uint32_t first, Timestamp time, const cv::Mat& left,
+                   const cv::Mat& right) {
   std::string bytes;
   const PinholeCamera& camera = rig.camera;
   for (const double value : {camera.fx, camera.fy, camera.cx, camera.cy, rig.baseline_m}) {
     AppendBytes(value, bytes);
   }
   for (const int32_t side : {camera.width, camera.height}) AppendBytes(side, bytes);
-  for (const uint32_t frame : {first, last}) AppendBytes(frame, bytes);
-  for (uint32_t frame = first; frame <= last; ++frame) AppendBytes(times[frame].ns, bytes);
+  AppendBytes(first, bytes);
+  AppendBytes(time.ns, bytes);
   AppendPixels(left, bytes);
   AppendPixels(right, bytes);
-  return {XXH3_64bits(bytes.data(), bytes.size())};
+  return XXH3_64bits(bytes.data(), bytes.size());
 }
 
 }  // namespace
@@ -371,18 +371,23 @@ absl::Status KittiDrive::FindFirstPair(const fs::path& calibration_path) {
   rig_.camera.width = frame.left.cols;
   rig_.camera.height = frame.left.rows;
   CARMAP_RETURN_IF_ERROR(CheckPrincipalPoint(calibration_path, rig_.camera));
-  id_ = HashInput(rig_, times_, first_, last_, frame.left, frame.right);
+  id_.input = HashInput(rig_, first_, times_[first_], frame.left, frame.right);
+  id_.options = XXH3_64bits(&last_, sizeof(last_));
   return absl::OkStatus();
 }
 
-bool KittiDrive::IsIdOfRange(DriveId id, uint32_t first_mapped, uint32_t last_mapped) const {
+bool KittiDrive::HasInput(DriveId id, uint32_t first_mapped) const {
+  if (id.input == id_.input) return true;
   if (first_mapped < first_ || first_mapped > last_) return false;
   const auto frame = FirstReadable(first_mapped);
-  if (!frame.ok()) return false;
-  for (uint32_t last = last_mapped; last <= last_; ++last) {
-    if (HashInput(rig_, times_, first_mapped, last, frame->left, frame->right) == id) return true;
-  }
-  return false;
+  return frame.ok() &&
+         id.input == HashInput(rig_, first_mapped, times_[first_mapped], frame->left, frame->right);
+}
+
+std::optional<Timestamp> KittiDrive::unix_start() const {
+  constexpr double kEarliestS = 1e9;  // September 2001; no drive is that long
+  if (times_[first_].seconds() < kEarliestS) return std::nullopt;
+  return Timestamp{0};
 }
 
 absl::Status KittiDrive::ReadPair(uint32_t index, StereoFrame& frame) const {

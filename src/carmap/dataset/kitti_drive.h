@@ -58,12 +58,15 @@ class KittiDrive : public FrameSource {
   /// Number of frames in the range.
   size_t size() const { return last_ - first_ + 1; }
 
-  /// Hash of calibration, times and first image pair of the range, and the range itself:
-  /// the same input has the same id everywhere.
+  /// Hashes of calibration, first image pair and its time, and of the last frame's number: the same
+  /// range has the same id everywhere.
   DriveId id() const { return id_; }
-  /// Whether this is the id of a range of the drive that begins with the first frame that was
-  /// mapped and ends with the last or later.
-  bool IsIdOfRange(DriveId id, uint32_t first_mapped, uint32_t last_mapped) const;
+  /// Whether the id is of a run over this drive: of the range, or of one that begins with the first
+  /// frame that was mapped.
+  bool HasInput(DriveId id, uint32_t first_mapped) const;
+  /// Unix time at the drive's time 0: 0 where times.txt is in Unix time, which is told by its
+  /// numbers; else it is not known.
+  std::optional<Timestamp> unix_start() const;
   /// Ground truth of the frames of the range, in the folder's own world frame; empty if there is
   /// none.
   const Trajectory& truth() const { return truth_; }

@@ -120,9 +120,10 @@ TEST_F(KittiDriveTest, IdentifiesItsInput) {
   const DriveId id = IdOf();
   EXPECT_EQ(IdOf({.first = 0, .last = kFrames - 1}), id);
   EXPECT_NE(IdOf({.first = 0, .last = 2}), id);
-  EXPECT_NE(IdOf({.first = 1}), id);
-  Write("times.txt", "0\n0.1\n0.2\n0.300000001\n");
-  EXPECT_NE(IdOf(), id);
+  EXPECT_EQ(IdOf({.first = 0, .last = 2}).input, id.input);
+  EXPECT_NE(IdOf({.first = 1}).input, id.input);
+  Write("times.txt", "0.01\n0.1\n0.2\n0.3\n");
+  EXPECT_NE(IdOf().input, id.input);
   Write("times.txt", "0\n0.1\n0.2\n0.3\n");
   EXPECT_EQ(IdOf(), id);
   cv::imwrite(ImagePath(1, 0), Noise(99));
@@ -132,13 +133,19 @@ TEST_F(KittiDriveTest, IdentifiesItsInput) {
 TEST_F(KittiDriveTest, KnowsTheIdsOfItsRanges) {
   const auto drive = KittiDrive::Open(drive_).value();
   const DriveId range = IdOf({.first = 1, .last = 2});
-  EXPECT_TRUE(drive->IsIdOfRange(drive->id(), 0, 3));
-  EXPECT_TRUE(drive->IsIdOfRange(range, 1, 1));
-  EXPECT_TRUE(drive->IsIdOfRange(range, 1, 2));
-  EXPECT_FALSE(drive->IsIdOfRange(range, 1, 3)) << "it ends before";
-  EXPECT_FALSE(drive->IsIdOfRange(range, 0, 2));
-  EXPECT_FALSE(drive->IsIdOfRange(range, 7, 7));
-  EXPECT_FALSE(drive->IsIdOfRange({range.value + 1}, 1, 2));
+  EXPECT_TRUE(drive->HasInput(drive->id(), 0));
+  EXPECT_TRUE(drive->HasInput(drive->id(), 2)) << "its first frames were not mapped";
+  EXPECT_TRUE(drive->HasInput(range, 1));
+  EXPECT_TRUE(drive->HasInput({range.input, 5}, 1)) << "made with other options";
+  EXPECT_FALSE(drive->HasInput(range, 0));
+  EXPECT_FALSE(drive->HasInput(range, 7));
+  EXPECT_FALSE(drive->HasInput({range.input + 1}, 1));
+}
+
+TEST_F(KittiDriveTest, KnowsUnixTime) {
+  EXPECT_FALSE(KittiDrive::Open(drive_).value()->unix_start());
+  Write("times.txt", "1700000000\n1700000000.1\n1700000000.2\n1700000000.3\n");
+  EXPECT_EQ(KittiDrive::Open(drive_).value()->unix_start(), Timestamp{0});
 }
 
 TEST_F(KittiDriveTest, ReadsColourSixteenBitJpegAndPgm) {

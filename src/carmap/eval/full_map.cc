@@ -140,7 +140,8 @@ FullKeyframe ReadKeyframe(Reader& reader, size_t landmark_count) {
 /// The map, as far as it can be read; `reader` knows whether that is all of it.
 FullMap ReadMap(Reader& reader) {
   FullMap map;
-  map.drive.id.value = reader.Uint64();
+  map.drive.id.input = reader.Uint64();
+  map.drive.id.options = reader.Uint64();
   map.drive.rig = reader.Rig();
   const size_t landmarks = reader.Count(kLandmarkBytes);
   map.landmarks_in_map.reserve(landmarks);
@@ -193,7 +194,8 @@ FullMap FullMapOf(const Map& map, const LeanDrive& drive) {
 
 std::string EncodeFullMap(const FullMap& map) {
   Writer writer;
-  AppendUint(map.drive.id.value, writer.bytes);
+  AppendUint(map.drive.id.input, writer.bytes);
+  AppendUint(map.drive.id.options, writer.bytes);
   writer.Rig(map.drive.rig);
   writer.Count(map.landmarks_in_map.size());
   for (const Eigen::Vector3d& landmark : map.landmarks_in_map) writer.Vector(landmark);
@@ -241,7 +243,8 @@ MapSnapshot SnapshotOf(const FullMap& map) {
       landmark.id = {map.drive.id, idx};
       landmark.position_in_map = *position_in_map;
       landmark.descriptor = full.feature.descriptor;
-      DeriveVisibility({keyframe.map_from_camera.translation}, full.feature.level, landmark);
+      const Eigen::Vector3d& viewer = keyframe.map_from_camera.translation;
+      DeriveVisibility({viewer}, viewer, full.feature.level, landmark);
     }
   }
   return snapshot;

@@ -31,7 +31,7 @@ MapSnapshot MapOf(const std::vector<Feature>& features, const StereoRig& rig) {
     SnapshotLandmark& landmark = map.landmarks.emplace_back();
     landmark.position_in_map = PositionInCamera(feature, rig);
     landmark.descriptor = feature.descriptor;
-    DeriveVisibility({Eigen::Vector3d::Zero()}, feature.level, landmark);
+    DeriveVisibility({Eigen::Vector3d::Zero()}, Eigen::Vector3d::Zero(), feature.level, landmark);
   }
   return map;
 }

@@ -57,7 +57,8 @@ void AppendTable(const std::vector<uint32_t>& table, std::string& out) {
 void AppendKeyframes(const LeanMap& lean, std::string& out) {
   for (const LeanDrive& drive : lean.drives) {
     const PinholeCamera& camera = drive.rig.camera;
-    AppendUint(drive.id.value, out);
+    AppendUint(drive.id.input, out);
+    AppendUint(drive.id.options, out);
     for (const double value : {camera.fx, camera.fy, camera.cx, camera.cy, drive.rig.baseline_m}) {
       AppendDouble(value, out);
     }
@@ -84,7 +85,7 @@ void AppendMapFeatures(const LeanMap& lean, std::string& out) {
     AppendUint(landmark.id.index, out);
     AppendFloats(landmark.position_in_map, out);
     AppendDescriptor(landmark.descriptor, out);
-    AppendUint(landmark.first_level, out);
+    AppendUint(landmark.anchor_level, out);
   }
 }
 

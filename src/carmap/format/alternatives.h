@@ -6,7 +6,7 @@
 // writes.
 //
 //   keyframes             index 4, time 8, quaternion 16, translation 12, GPS flag 1 and fix 24
-//   A  a landmark         index 4, position 12, descriptor 16, first level 1
+//   A  a landmark         index 4, position 12, descriptor 16, level 1
 //   B  a feature          u v disparity 12, level 1, descriptor 16; 4 for the count of each
 //   keyframe C  a landmark         4 for the count, and 8 for each keyframe that sees it and its
 //   feature there

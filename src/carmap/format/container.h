@@ -14,7 +14,7 @@
 
 namespace carmap {
 
-inline constexpr uint16_t kFormatMajor = 3;
+inline constexpr uint16_t kFormatMajor = 4;
 inline constexpr uint16_t kFormatMinor = 0;
 
 struct Section {

@@ -47,19 +47,19 @@ TEST(Container, RefusesOtherFiles) {
 
 TEST(Container, TellsToUpgradeForANewerVersion) {
   std::string bytes = WriteContainer(kSections);
-  bytes[8] = 4;
+  bytes[8] = 5;
   bytes[10] = 7;
   const auto read = ReadContainer(bytes, "a.cmap");
   EXPECT_TRUE(absl::IsUnimplemented(read.status()));
   EXPECT_EQ(MessageOf(bytes),
-            "a.cmap: format version 4.7 is newer than the supported 3.x; upgrade carmap");
+            "a.cmap: format version 5.7 is newer than the supported 4.x; upgrade carmap");
 }
 
 TEST(Container, TellsToMapAnewForAnOlderVersion) {
   std::string bytes = WriteContainer(kSections);
   bytes[8] = 1;
   EXPECT_EQ(MessageOf(bytes),
-            "a.cmap: format version 1.0 is older than the supported 3.x; map its drive again");
+            "a.cmap: format version 1.0 is older than the supported 4.x; map its drive again");
 }
 
 TEST(Container, RefusesSectionsOutOfOrderOrTwice) {

@@ -1,6 +1,7 @@
 #include "carmap/format/lean_codec.h"
 
 #include <fmt/format.h>
+#include <xxhash.h>
 
 #include <algorithm>
 #include <array>
@@ -16,11 +17,29 @@
 #include "carmap/format/columns.h"
 #include "carmap/format/container.h"
 #include "carmap/format/lean_grid.h"
+#include "carmap/format/lean_sections.h"
 
 namespace carmap {
 namespace {
 
-enum SectionId : uint16_t { kCounts = 1, kDrives, kKeyframes, kLandmarks, kDescriptors };
+enum LeanSection : uint16_t { kCounts = 1, kDrives, kKeyframes, kLandmarks, kDescriptors };
+bool IsAddedSection(uint16_t id) { return id > kDescriptors && id <= kLastAddedSection; }
+
+/// What a file with this section is.
+const char* NameOfAdded(uint16_t id) {
+  switch (static_cast<AddedSection>(id)) {
+    case AddedSection::kTile:
+      return "a tile of a base map";
+    case AddedSection::kPatch:
+      return "a patch of a base map";
+    case AddedSection::kDiff:
+      return "a diff of a base map";
+    case AddedSection::kNone:
+      break;
+  }
+  return "a map";
+}
+
 constexpr const char* kSectionNames[] = {"",          "counts",    "drives",
                                          "keyframes", "landmarks", "descriptors"};
 
@@ -28,7 +47,11 @@ constexpr uint64_t kMaxDrives = uint64_t{1} << 16;
 constexpr uint64_t kMaxKeyframes = uint64_t{1} << 24;
 constexpr uint64_t kMaxLandmarks = uint64_t{1} << 28;
 constexpr uint64_t kMaxObservations = uint64_t{1} << 36;
-constexpr size_t kDriveBytes = 84;
+constexpr size_t kDriveBytes = 100;
+/// In place of the start of a drive that is not known.
+constexpr int64_t kNoStart = INT64_MIN;
+/// Of a keyframe.
+constexpr char kHasGps = 1, kIsStub = 2;
 constexpr size_t kDescriptorBytes = sizeof(Descriptor);
 
 /// How many records of each kind the columns hold.
@@ -74,13 +97,6 @@ Counts CountsOf(const LeanMap& map) {
     ForEachRun(landmark.keyframe_idxs, [&](uint32_t, uint32_t) { ++counts.runs; });
   }
   return counts;
-}
-
-/// The landmark's position is stored relative to this keyframe: the last one that sees it, which
-/// under forward motion is the nearest.
-GridVector ReferenceOf(const std::vector<uint32_t>& keyframe_idxs,
-                       const std::vector<GridVector>& translations, int position_exponent) {
-  return CoarsenToPositionGrid(translations[keyframe_idxs.back()], position_exponent);
 }
 
 // Writing. The order of the columns is that of docs/format.md.
@@ -137,7 +153,8 @@ std::string EncodeDrives(const std::vector<LeanDrive>& drives) {
   std::string out;
   for (const LeanDrive& drive : drives) {
     const PinholeCamera& camera = drive.rig.camera;
-    AppendUint(drive.id.value, out);
+    AppendUint(drive.id.input, out);
+    AppendUint(drive.id.options, out);
     for (const double value : {camera.fx, camera.fy, camera.cx, camera.cy, drive.rig.baseline_m}) {
       AppendDouble(value, out);
     }
@@ -145,37 +162,32 @@ std::string EncodeDrives(const std::vector<LeanDrive>& drives) {
     AppendUint(static_cast<uint32_t>(camera.width), out);
     AppendUint(static_cast<uint32_t>(camera.height), out);
     AppendUint(static_cast<uint32_t>(drive.faults.to_ulong()), out);
+    AppendUint(static_cast<uint64_t>(drive.unix_start ? drive.unix_start->ns : kNoStart), out);
   }
   return out;
 }
 
-std::vector<GridVector> TranslationsOf(const LeanMap& map) {
-  std::vector<GridVector> translations;
-  for (const LeanKeyframe& keyframe : map.keyframes) {
-    translations.push_back(ToGrid(keyframe.map_from_camera.translation, kTranslationExponent));
-  }
-  return translations;
-}
-
 std::string EncodeKeyframes(const LeanMap& map, int level) {
   std::vector<uint64_t> times;
-  std::vector<GridVector> rotations, fixes;
-  std::string has_gps;
+  std::vector<GridVector> rotations, translations, fixes;
+  std::string flags;
   uint64_t previous_ns = 0;
   for (const LeanKeyframe& keyframe : map.keyframes) {
     const uint64_t ns = static_cast<uint64_t>(keyframe.timestamp.ns);
     times.push_back(ZigZag(static_cast<int64_t>(ns - previous_ns)));
     previous_ns = ns;
     rotations.push_back(RotationToGrid(keyframe.map_from_camera.rotation));
-    has_gps.push_back(keyframe.gps ? 1 : 0);
+    translations.push_back(ToGrid(keyframe.map_from_camera.translation, kTranslationExponent));
+    flags.push_back(
+        static_cast<char>((keyframe.gps ? kHasGps : 0) | (keyframe.is_stub ? kIsStub : 0)));
     if (keyframe.gps) fixes.push_back(GpsToGrid(*keyframe.gps));
   }
   std::string out;
   AppendIds(map.drives, map.keyframes, level, out);
   AppendIntColumn(times, level, out);
   AppendVectors(Differences(rotations), level, out);
-  AppendVectors(Differences(TranslationsOf(map)), level, out);
-  AppendByteColumn(has_gps, level, out);
+  AppendVectors(Differences(translations), level, out);
+  AppendByteColumn(flags, level, out);
   AppendVectors(Differences(fixes), level, out);
   return out;
 }
@@ -203,19 +215,22 @@ void AppendKeyframeLists(const std::vector<LeanLandmark>& landmarks, int level, 
 }
 
 std::string EncodeLandmarks(const LeanMap& map, int level) {
-  const std::vector<GridVector> translations = TranslationsOf(map);
-  std::string first_levels;
-  std::vector<GridVector> offsets;
+  std::string anchor_levels;
+  std::vector<uint64_t> views_after_anchor;
+  std::vector<GridVector> positions;
   for (const LeanLandmark& landmark : map.landmarks) {
-    first_levels.push_back(static_cast<char>(landmark.first_level));
-    offsets.push_back(ToGrid(landmark.position_in_map, kPositionExponent) -
-                      ReferenceOf(landmark.keyframe_idxs, translations, kPositionExponent));
+    const std::vector<uint32_t>& seen_by = landmark.keyframe_idxs;
+    anchor_levels.push_back(static_cast<char>(landmark.anchor_level));
+    views_after_anchor.push_back(static_cast<uint64_t>(
+        seen_by.end() - std::upper_bound(seen_by.begin(), seen_by.end(), landmark.anchor_idx)));
+    positions.push_back(ToGrid(PositionInAnchor(map, landmark), kPositionExponent));
   }
   std::string out;
   AppendIds(map.drives, map.landmarks, level, out);
-  AppendByteColumn(first_levels, level, out);
+  AppendByteColumn(anchor_levels, level, out);
   AppendKeyframeLists(map.landmarks, level, out);
-  AppendVectors(offsets, level, out);
+  AppendIntColumn(views_after_anchor, level, out);
+  AppendVectors(positions, level, out);
   return out;
 }
 
@@ -232,28 +247,42 @@ std::string EncodeDescriptors(const std::vector<LeanLandmark>& landmarks, int le
   return out;
 }
 
-std::string EncodeAtLevel(const LeanMap& map, const Counts& counts, int level) {
-  return WriteContainer({{kCounts, true, EncodeCounts(counts)},
-                         {kDrives, true, EncodeDrives(map.drives)},
-                         {kKeyframes, true, EncodeKeyframes(map, level)},
-                         {kLandmarks, true, EncodeLandmarks(map, level)},
-                         {kDescriptors, true, EncodeDescriptors(map.landmarks, level)}});
+std::vector<Section> SectionsOf(const LeanMap& map, const Counts& counts, int level) {
+  return {{kCounts, true, EncodeCounts(counts)},
+          {kDrives, true, EncodeDrives(map.drives)},
+          {kKeyframes, true, EncodeKeyframes(map, level)},
+          {kLandmarks, true, EncodeLandmarks(map, level)},
+          {kDescriptors, true, EncodeDescriptors(map.landmarks, level)}};
+}
+
+std::string EncodeAtLevel(const LeanMap& map, const Counts& counts,
+                          const std::optional<Section>& added, int level) {
+  std::vector<Section> sections = SectionsOf(map, counts, level);
+  if (added) sections.push_back(*added);
+  return WriteContainer(sections);
 }
 
 absl::Status CheckRange(const LeanMap& map) {
-  const auto is_near = [](const Eigen::Vector3d& p) {
-    return p.cwiseAbs().maxCoeff() <= kMaxCoordinateM;
+  // Rounding may take a landmark farther out, and must not take it out of what a reader accepts.
+  constexpr double kRoundingM = 2;
+  const auto is_near = [](const Eigen::Vector3d& p, double margin_m) {
+    return p.cwiseAbs().maxCoeff() <= kMaxCoordinateM - margin_m;
   };
   for (size_t i = 0; i < map.keyframes.size(); ++i) {
-    if (!is_near(map.keyframes[i].map_from_camera.translation)) {
+    if (!is_near(map.keyframes[i].map_from_camera.translation, 0)) {
       return absl::InvalidArgumentError(fmt::format(
           "keyframe {} of the map lies more than {} m from its origin", i, kMaxCoordinateM));
     }
   }
   for (size_t i = 0; i < map.landmarks.size(); ++i) {
-    if (!is_near(map.landmarks[i].position_in_map)) {
+    if (!is_near(map.landmarks[i].position_in_map, kRoundingM)) {
       return absl::InvalidArgumentError(fmt::format(
           "landmark {} of the map lies more than {} m from its origin", i, kMaxCoordinateM));
+    }
+    if (PositionInAnchor(map, map.landmarks[i]).cwiseAbs().maxCoeff() > kMaxAnchorDistanceM) {
+      return absl::InvalidArgumentError(
+          fmt::format("landmark {} of the map lies more than {:.0f} m from its anchor", i,
+                      kMaxAnchorDistanceM));
     }
   }
   return absl::OkStatus();
@@ -347,7 +376,8 @@ absl::StatusOr<std::vector<LeanDrive>> DecodeDrives(std::string_view bytes, size
   std::vector<LeanDrive> drives(count);
   for (LeanDrive& drive : drives) {
     PinholeCamera& camera = drive.rig.camera;
-    drive.id.value = reader.Uint<uint64_t>();
+    drive.id.input = reader.Uint<uint64_t>();
+    drive.id.options = reader.Uint<uint64_t>();
     for (double* value : {&camera.fx, &camera.fy, &camera.cx, &camera.cy, &drive.rig.baseline_m}) {
       *value = reader.Double();
     }
@@ -357,6 +387,8 @@ absl::StatusOr<std::vector<LeanDrive>> DecodeDrives(std::string_view bytes, size
     const auto faults = reader.Uint<uint32_t>();
     if (faults >> kDriveFaultCount != 0) return Malformed("unknown faults of a drive");
     drive.faults = faults;
+    const auto start_ns = static_cast<int64_t>(reader.Uint<uint64_t>());
+    if (start_ns != kNoStart) drive.unix_start = Timestamp{start_ns};
   }
   return drives;
 }
@@ -372,51 +404,51 @@ absl::Status ReadTimes(ByteReader& reader, std::vector<LeanKeyframe>& keyframes)
   return absl::OkStatus();
 }
 
-/// Returns the translations as they lie on the grid.
-absl::StatusOr<std::vector<GridVector>> ReadPoses(ByteReader& reader,
-                                                  std::vector<LeanKeyframe>& keyframes) {
+absl::Status ReadPoses(ByteReader& reader, std::vector<LeanKeyframe>& keyframes) {
   const size_t count = keyframes.size();
   CARMAP_ASSIGN_OR_RETURN(const std::vector<GridVector> rotations, ReadDifferences(reader, count));
-  CARMAP_ASSIGN_OR_RETURN(std::vector<GridVector> translations, ReadDifferences(reader, count));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<GridVector> translations,
+                          ReadDifferences(reader, count));
   for (size_t i = 0; i < count; ++i) {
     if (!IsRotation(rotations[i])) return Malformed("a pose is not a rotation");
-    if (!IsInRange(translations[i], kTranslationExponent)) {
+    if (!IsInRange(translations[i], kTranslationExponent, kMaxCoordinateM)) {
       return Malformed("a keyframe lies too far away");
     }
     keyframes[i].map_from_camera = {RotationFromGrid(rotations[i]),
                                     FromGrid(translations[i], kTranslationExponent)};
   }
-  return translations;
+  return absl::OkStatus();
 }
 
-absl::Status ReadGps(ByteReader& reader, size_t fix_count, std::vector<LeanKeyframe>& keyframes) {
-  CARMAP_ASSIGN_OR_RETURN(const std::string has_gps, ReadByteColumn(reader, keyframes.size()));
-  const auto ones = static_cast<size_t>(std::count(has_gps.begin(), has_gps.end(), 1));
-  const auto zeros = static_cast<size_t>(std::count(has_gps.begin(), has_gps.end(), 0));
-  if (ones != fix_count || ones + zeros != has_gps.size()) {
-    return Malformed("it is unclear which keyframes have a GPS fix");
+absl::Status ReadFlagsAndGps(ByteReader& reader, size_t fix_count,
+                             std::vector<LeanKeyframe>& keyframes) {
+  CARMAP_ASSIGN_OR_RETURN(const std::string flags, ReadByteColumn(reader, keyframes.size()));
+  size_t with_fix = 0;
+  for (size_t i = 0; i < keyframes.size(); ++i) {
+    if ((flags[i] & ~(kHasGps | kIsStub)) != 0) return Malformed("a keyframe has unknown flags");
+    with_fix += flags[i] & kHasGps;
+    keyframes[i].is_stub = (flags[i] & kIsStub) != 0;
   }
+  if (with_fix != fix_count) return Malformed("it is unclear which keyframes have a GPS fix");
   CARMAP_ASSIGN_OR_RETURN(const std::vector<GridVector> fixes, ReadDifferences(reader, fix_count));
   auto fix = fixes.begin();
   for (size_t i = 0; i < keyframes.size(); ++i) {
-    if (has_gps[i] != 0) keyframes[i].gps = GpsFromGrid(*fix++);
+    if ((flags[i] & kHasGps) != 0) keyframes[i].gps = GpsFromGrid(*fix++);
   }
   return absl::OkStatus();
 }
 
-/// Fills map.keyframes; returns their translations as they lie on the grid.
-absl::StatusOr<std::vector<GridVector>> DecodeKeyframes(std::string_view bytes,
-                                                        const Counts& counts, LeanMap& map) {
+absl::Status DecodeKeyframes(std::string_view bytes, const Counts& counts, LeanMap& map) {
   ByteReader reader(bytes);
   CARMAP_ASSIGN_OR_RETURN(const std::vector<KeyframeId> ids,
                           ReadIds<KeyframeId>(reader, map.drives, counts.keyframes));
   map.keyframes.resize(counts.keyframes);
   for (size_t i = 0; i < ids.size(); ++i) map.keyframes[i].id = ids[i];
   CARMAP_RETURN_IF_ERROR(ReadTimes(reader, map.keyframes));
-  CARMAP_ASSIGN_OR_RETURN(std::vector<GridVector> translations, ReadPoses(reader, map.keyframes));
-  CARMAP_RETURN_IF_ERROR(ReadGps(reader, counts.gps_fixes, map.keyframes));
+  CARMAP_RETURN_IF_ERROR(ReadPoses(reader, map.keyframes));
+  CARMAP_RETURN_IF_ERROR(ReadFlagsAndGps(reader, counts.gps_fixes, map.keyframes));
   if (reader.remaining() != 0) return Malformed("bytes follow its columns");
-  return translations;
+  return absl::OkStatus();
 }
 
 void AppendRange(uint64_t begin, uint64_t length, std::vector<uint32_t>& list) {
@@ -460,27 +492,34 @@ absl::Status ReadKeyframeLists(ByteReader& reader, const Counts& counts,
   return absl::OkStatus();
 }
 
-absl::Status DecodeLandmarks(std::string_view bytes, const Header& header,
-                             const std::vector<GridVector>& translations, LeanMap& map) {
+absl::Status DecodeLandmarks(std::string_view bytes, const Header& header, LeanMap& map) {
   ByteReader reader(bytes);
   const size_t count = header.counts.landmarks;
   CARMAP_ASSIGN_OR_RETURN(const std::vector<LandmarkId> ids,
                           ReadIds<LandmarkId>(reader, map.drives, count));
-  CARMAP_ASSIGN_OR_RETURN(const std::string first_levels, ReadByteColumn(reader, count));
+  CARMAP_ASSIGN_OR_RETURN(const std::string anchor_levels, ReadByteColumn(reader, count));
   map.landmarks.resize(count);
   CARMAP_RETURN_IF_ERROR(ReadKeyframeLists(reader, header.counts, map.landmarks));
-  CARMAP_ASSIGN_OR_RETURN(const std::vector<GridVector> offsets, ReadVectors(reader, count));
+  CARMAP_ASSIGN_OR_RETURN(const auto views_after_anchor, ReadIntColumn(reader, count));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<GridVector> positions, ReadVectors(reader, count));
   if (reader.remaining() != 0) return Malformed("bytes follow its columns");
   for (size_t i = 0; i < count; ++i) {
     LeanLandmark& landmark = map.landmarks[i];
     landmark.id = ids[i];
-    landmark.first_level = static_cast<uint8_t>(first_levels[i]);
-    const GridVector position = WrappingAdd(
-        ReferenceOf(landmark.keyframe_idxs, translations, header.position_exponent), offsets[i]);
-    if (!IsInRange(position, header.position_exponent)) {
+    landmark.anchor_level = static_cast<uint8_t>(anchor_levels[i]);
+    const std::vector<uint32_t>& seen_by = landmark.keyframe_idxs;
+    if (views_after_anchor[i] >= seen_by.size()) {
+      return Malformed("a landmark's anchor is not in its list");
+    }
+    landmark.anchor_idx = seen_by[seen_by.size() - 1 - views_after_anchor[i]];
+    if (!IsInRange(positions[i], header.position_exponent, kMaxAnchorDistanceM)) {
+      return Malformed("a landmark lies too far from its anchor");
+    }
+    landmark.position_in_map = map.keyframes[landmark.anchor_idx].map_from_camera *
+                               FromGrid(positions[i], header.position_exponent);
+    if (landmark.position_in_map.cwiseAbs().maxCoeff() > kMaxCoordinateM) {
       return Malformed("a landmark lies too far away");
     }
-    landmark.position_in_map = FromGrid(position, header.position_exponent);
   }
   return absl::OkStatus();
 }
@@ -504,16 +543,22 @@ absl::Status DecodeDescriptors(std::string_view bytes, std::vector<LeanLandmark>
   return absl::OkStatus();
 }
 
-/// The contents of the five sections, by SectionId.
+/// The contents of the five sections, by LeanSection, and at 0 that of the added one.
 using Contents = std::vector<std::string_view>;
 
-absl::StatusOr<Contents> KnownContents(const std::vector<SectionView>& sections,
+absl::StatusOr<Contents> KnownContents(const std::vector<SectionView>& sections, AddedSection added,
                                        const std::string& name) {
   std::vector<std::optional<std::string_view>> found(kDescriptors + 1);
-  found[0].emplace();
+  if (added == AddedSection::kNone) found[0].emplace();
   for (const SectionView& section : sections) {
     if (section.id >= kCounts && section.id <= kDescriptors) {
       found[section.id] = section.content;
+    } else if (added != AddedSection::kNone && section.id == static_cast<uint16_t>(added)) {
+      found[0] = section.content;
+    } else if (IsAddedSection(section.id)) {
+      return absl::InvalidArgumentError(fmt::format("{}: is {}, not {}", name,
+                                                    NameOfAdded(section.id),
+                                                    NameOfAdded(static_cast<uint16_t>(added))));
     } else if (section.is_mandatory) {
       return absl::UnimplementedError(
           fmt::format("{}: needs section {}, which this version does not know; upgrade carmap",
@@ -522,6 +567,10 @@ absl::StatusOr<Contents> KnownContents(const std::vector<SectionView>& sections,
   }
   Contents contents;
   for (size_t id = 0; id < found.size(); ++id) {
+    if (!found[0]) {
+      return absl::InvalidArgumentError(
+          fmt::format("{}: is not {}", name, NameOfAdded(static_cast<uint16_t>(added))));
+    }
     if (!found[id]) {
       return absl::DataLossError(
           fmt::format("{}: has no section '{}'; copy or download the file "
@@ -533,7 +582,7 @@ absl::StatusOr<Contents> KnownContents(const std::vector<SectionView>& sections,
   return contents;
 }
 
-absl::Status InSection(const absl::Status& status, SectionId id, const std::string& name) {
+absl::Status InSection(const absl::Status& status, LeanSection id, const std::string& name) {
   return absl::DataLossError(
       fmt::format("{}: section '{}' is malformed ({}); make the file anew with `carmap map`", name,
                   kSectionNames[id], std::string(status.message())));
@@ -559,15 +608,21 @@ absl::Status LeanEncodeOptions::Validate() const {
 }
 
 absl::StatusOr<std::string> EncodeLeanMap(const LeanMap& map, const LeanEncodeOptions& options) {
+  return EncodeWithSection(map, std::nullopt, options);
+}
+
+absl::StatusOr<std::string> EncodeWithSection(const LeanMap& map,
+                                              const std::optional<Section>& added,
+                                              const LeanEncodeOptions& options) {
   CARMAP_RETURN_IF_ERROR(options.Validate());
   CARMAP_RETURN_IF_ERROR(CheckConsistency(map));
   CARMAP_RETURN_IF_ERROR(CheckRange(map));
   const Counts counts = CountsOf(map);
   if (IsWithinLimits(counts)) {
-    std::string bytes = EncodeAtLevel(map, counts, options.zstd_level);
+    std::string bytes = EncodeAtLevel(map, counts, added, options.zstd_level);
     if (DecodedSize(counts) <= DecodedSizeLimit(bytes.size())) return bytes;
     // Unusually uniform: a reader would take the small file for an attack on its memory.
-    bytes = EncodeAtLevel(map, counts, 0);
+    bytes = EncodeAtLevel(map, counts, added, 0);
     if (DecodedSize(counts) <= DecodedSizeLimit(bytes.size())) return bytes;
   }
   return absl::InvalidArgumentError(fmt::format(
@@ -576,9 +631,22 @@ absl::StatusOr<std::string> EncodeLeanMap(const LeanMap& map, const LeanEncodeOp
       counts.drives, counts.keyframes, counts.landmarks, counts.observations));
 }
 
+uint64_t HashOf(const LeanMap& map) {
+  std::string columns;
+  for (const Section& section : SectionsOf(map, CountsOf(map), 0)) columns += section.content;
+  return XXH3_64bits(columns.data(), columns.size());
+}
+
 absl::StatusOr<LeanMap> DecodeLeanMap(std::string_view bytes, const std::string& name) {
+  CARMAP_ASSIGN_OR_RETURN(DecodedSections decoded,
+                          DecodeWithSection(bytes, AddedSection::kNone, name));
+  return std::move(decoded.map);
+}
+
+absl::StatusOr<DecodedSections> DecodeWithSection(std::string_view bytes, AddedSection added,
+                                                  const std::string& name) {
   CARMAP_ASSIGN_OR_RETURN(const std::vector<SectionView> sections, ReadContainer(bytes, name));
-  CARMAP_ASSIGN_OR_RETURN(const Contents contents, KnownContents(sections, name));
+  CARMAP_ASSIGN_OR_RETURN(const Contents contents, KnownContents(sections, added, name));
 
   const auto header = DecodeCounts(contents[kCounts]);
   if (!header.ok()) return InSection(header.status(), kCounts, name);
@@ -589,11 +657,11 @@ absl::StatusOr<LeanMap> DecodeLeanMap(std::string_view bytes, const std::string&
   if (!drives.ok()) return InSection(drives.status(), kDrives, name);
   map.drives = *std::move(drives);
 
-  const auto translations = DecodeKeyframes(contents[kKeyframes], header->counts, map);
-  if (!translations.ok()) return InSection(translations.status(), kKeyframes, name);
-
-  if (const absl::Status status =
-          DecodeLandmarks(contents[kLandmarks], *header, *translations, map);
+  if (const absl::Status status = DecodeKeyframes(contents[kKeyframes], header->counts, map);
+      !status.ok()) {
+    return InSection(status, kKeyframes, name);
+  }
+  if (const absl::Status status = DecodeLandmarks(contents[kLandmarks], *header, map);
       !status.ok()) {
     return InSection(status, kLandmarks, name);
   }
@@ -605,11 +673,16 @@ absl::StatusOr<LeanMap> DecodeLeanMap(std::string_view bytes, const std::string&
     return absl::DataLossError(fmt::format("{}: {}; make the file anew with `carmap map`", name,
                                            std::string(status.message())));
   }
-  return map;
+  return DecodedSections{std::move(map), contents[0]};
 }
 
 LeanMap Quantize(const LeanMap& map) {
   LeanMap quantized = map;
+  std::vector<Eigen::Vector3d> positions_in_anchor;
+  for (const LeanLandmark& landmark : map.landmarks) {
+    positions_in_anchor.push_back(
+        FromGrid(ToGrid(PositionInAnchor(map, landmark), kPositionExponent), kPositionExponent));
+  }
   for (LeanKeyframe& keyframe : quantized.keyframes) {
     Rigid3& pose = keyframe.map_from_camera;
     pose.rotation = RotationFromGrid(RotationToGrid(pose.rotation));
@@ -617,9 +690,10 @@ LeanMap Quantize(const LeanMap& map) {
         FromGrid(ToGrid(pose.translation, kTranslationExponent), kTranslationExponent);
     if (keyframe.gps) keyframe.gps = GpsFromGrid(GpsToGrid(*keyframe.gps));
   }
-  for (LeanLandmark& landmark : quantized.landmarks) {
+  for (size_t i = 0; i < quantized.landmarks.size(); ++i) {
+    LeanLandmark& landmark = quantized.landmarks[i];
     landmark.position_in_map =
-        FromGrid(ToGrid(landmark.position_in_map, kPositionExponent), kPositionExponent);
+        quantized.keyframes[landmark.anchor_idx].map_from_camera * positions_in_anchor[i];
   }
   return quantized;
 }

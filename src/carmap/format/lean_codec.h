@@ -33,6 +33,10 @@ inline constexpr uint64_t kMaxLeanFileBytes = uint64_t{1} << 34;
 absl::StatusOr<std::string> EncodeLeanMap(const LeanMap& map,
                                           const LeanEncodeOptions& options = {});
 
+/// XXH3 of the map's whole numbers: of the contents of all sections with no column compressed
+/// (docs/format.md). The same on every machine, for maps that EncodeLeanMap takes.
+uint64_t HashOf(const LeanMap& map);
+
 /// The map is consistent in the sense of CheckConsistency. Errors, each one line with `name`, cause
 /// and remedy: InvalidArgument (not a map file), Unimplemented (newer version), DataLoss (cut,
 /// damaged), ResourceExhausted (counts beyond the limits, or far beyond what the file's size can

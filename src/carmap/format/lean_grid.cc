@@ -25,17 +25,12 @@ Eigen::Vector3d FromGrid(const GridVector& grid, int exponent) {
   return grid.cast<double>() * std::ldexp(1.0, exponent);
 }
 
-bool IsInRange(const GridVector& grid, int exponent) {
-  const int64_t limit = std::llround(std::ldexp(kMaxCoordinateM, -exponent));
+bool IsInRange(const GridVector& grid, int exponent, double limit_m) {
+  const int64_t limit = std::llround(std::ldexp(limit_m, -exponent));
   for (const int64_t steps : grid) {
     if (steps < -limit || steps > limit) return false;
   }
   return true;
-}
-
-GridVector CoarsenToPositionGrid(const GridVector& translation, int position_exponent) {
-  const int shift = position_exponent - kTranslationExponent;
-  return translation.unaryExpr([shift](int64_t steps) { return steps >> shift; });
 }
 
 GridVector RotationToGrid(const Eigen::Quaterniond& rotation) {

@@ -18,6 +18,10 @@ using GridVector = Eigen::Matrix<int64_t, 3, 1>;
 /// No coordinate of a map may exceed this, metres: more than the radius of the Earth.
 inline constexpr double kMaxCoordinateM = 1 << 24;
 
+/// No landmark may be farther from its anchor, metres: there the rotation, rounded, moves it by as
+/// much as a metre.
+inline constexpr double kMaxAnchorDistanceM = 1e6;
+
 /// Camera centres lie on a grid of 2^-13 m (0.12 mm), landmarks on one of 2^-8 m (3.9 mm).
 inline constexpr int kTranslationExponent = -13;
 inline constexpr int kPositionExponent = -8;
@@ -27,11 +31,8 @@ inline constexpr int kMinPositionExponent = kTranslationExponent, kMaxPositionEx
 /// Vectors in metres; coordinates up to kMaxCoordinateM.
 GridVector ToGrid(const Eigen::Vector3d& vector, int exponent);
 Eigen::Vector3d FromGrid(const GridVector& grid, int exponent);
-/// True when FromGrid gives coordinates up to kMaxCoordinateM.
-bool IsInRange(const GridVector& grid, int exponent);
-
-/// From the grid of translations to the coarser one of positions, rounding down.
-GridVector CoarsenToPositionGrid(const GridVector& translation, int position_exponent);
+/// True when FromGrid gives coordinates up to `limit_m`.
+bool IsInRange(const GridVector& grid, int exponent, double limit_m);
 
 /// Rotations as modified Rodrigues parameters, tan(angle / 4) axis, in steps of 2^-22: at most
 /// 0.9e-6 rad off. Of the two of a rotation the one inside the unit ball.

@@ -24,7 +24,7 @@ class Dice {
 
 LeanDrive RandomDrive(Dice& dice) {
   LeanDrive drive;
-  drive.id.value = dice.Bits();
+  drive.id = {dice.Bits(), dice.Bits()};
   drive.rig.camera = {
       dice.Between(300, 1000), dice.Between(300, 1000), 601.887, 183.110, 1226, 370};
   drive.rig.baseline_m = dice.Between(0.1, 1);
@@ -49,6 +49,7 @@ void AppendKeyframes(DriveId drive, uint32_t count, Dice& dice, LeanMap& map) {
     if (has_gps && dice.Below(4) != 0) {
       keyframe.gps = GpsFix{49 + 1e-5 * i, 8.4 + dice.Between(0, 1e-5), dice.Between(110, 113)};
     }
+    keyframe.is_stub = dice.Below(8) == 0;
     map.keyframes.push_back(keyframe);
     id.index += 1 + dice.Below(3);
     ns += 103'000'000 + dice.Below(1'000'000);
@@ -65,12 +66,15 @@ LeanLandmark RandomLandmark(uint32_t first_keyframe, Dice& dice, const LeanMap& 
                                     dice.Between(-0.26, 0.26) * depth, depth};
   landmark.position_in_map = map.keyframes[first_keyframe].map_from_camera * p_in_camera;
   for (uint64_t& word : landmark.descriptor.words) word = dice.Bits();
-  landmark.first_level = static_cast<uint8_t>(std::min(dice.Below(8), dice.Below(8)));
+  landmark.anchor_level = static_cast<uint8_t>(std::min(dice.Below(8), dice.Below(8)));
   uint32_t keyframe = first_keyframe;
   do {
     landmark.keyframe_idxs.push_back(keyframe);
     keyframe += dice.Below(12) == 0 ? 2 : 1;
   } while (keyframe < map.keyframes.size() && dice.Below(5) != 0);
+  const auto views = static_cast<uint32_t>(landmark.keyframe_idxs.size());
+  landmark.anchor_idx = dice.Below(4) == 0 ? landmark.keyframe_idxs[dice.Below(views)]
+                                           : landmark.keyframe_idxs.back();
   return landmark;
 }
 
@@ -107,12 +111,13 @@ bool AreIdentical(const LeanMap& a, const LeanMap& b) {
     return x.id == y.id && x.rig == y.rig && x.faults == y.faults;
   };
   const auto same_keyframe = [](const LeanKeyframe& x, const LeanKeyframe& y) {
-    return x.id == y.id && x.timestamp == y.timestamp && x.gps == y.gps &&
+    return x.id == y.id && x.timestamp == y.timestamp && x.gps == y.gps && x.is_stub == y.is_stub &&
            AreIdentical(x.map_from_camera, y.map_from_camera);
   };
   const auto same_landmark = [](const LeanLandmark& x, const LeanLandmark& y) {
     return x.id == y.id && x.position_in_map == y.position_in_map && x.descriptor == y.descriptor &&
-           x.first_level == y.first_level && x.keyframe_idxs == y.keyframe_idxs;
+           x.anchor_level == y.anchor_level && x.anchor_idx == y.anchor_idx &&
+           x.keyframe_idxs == y.keyframe_idxs;
   };
   return std::equal(a.drives.begin(), a.drives.end(), b.drives.begin(), b.drives.end(),
                     same_drive) &&

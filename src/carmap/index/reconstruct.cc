@@ -34,9 +34,10 @@ MapSnapshot MakeSnapshot(const LeanMap& map, double focal_length_px) {
     landmark.id = lean.id;
     landmark.position_in_map = lean.position_in_map;
     landmark.descriptor = lean.descriptor;
-    DeriveVisibility(viewers_in_map, lean.first_level, landmark);
-    const DriveId first_drive = map.keyframes[lean.keyframe_idxs.front()].id.drive;
-    const double seen_with_px = FindDrive(map.drives, first_drive)->rig.camera.fx;
+    const LeanKeyframe& anchor = map.keyframes[lean.anchor_idx];
+    DeriveVisibility(viewers_in_map, anchor.map_from_camera.translation, lean.anchor_level,
+                     landmark);
+    const double seen_with_px = FindDrive(map.drives, anchor.id.drive)->rig.camera.fx;
     if (seen_with_px != focal_length_px) {
       landmark.level_at_1m += static_cast<float>(LevelShift(seen_with_px, focal_length_px));
     }

@@ -30,8 +30,8 @@ TEST(Reconstruct, DerivesVisibilityFromTheViewers) {
       return (keyframe.map_from_camera.translation - landmark.position_in_map).norm();
     };
     const LeanLandmark& source = lean.landmarks[i];
-    EXPECT_NEAR(PredictLevel(landmark, distance_from(source.keyframe_idxs.front())),
-                source.first_level, 1e-4);
+    EXPECT_NEAR(PredictLevel(landmark, distance_from(source.anchor_idx)), source.anchor_level,
+                1e-4);
     for (const uint32_t keyframe_idx : source.keyframe_idxs) {
       EXPECT_LE(landmark.min_distance_m, distance_from(keyframe_idx) + 1e-4);
       EXPECT_GE(landmark.max_distance_m, distance_from(keyframe_idx) - 1e-4);

@@ -16,18 +16,18 @@ MapSnapshot SnapshotOfStreet(const Street& street) {
   const std::vector<Rigid3> poses = DriveAlong(0, 0, 60);
   for (const Street::Corner& corner : street.corners) {
     std::vector<Eigen::Vector3d> viewers;
-    int first_level = -1;
+    int level = -1;
     for (const Rigid3& world_from_camera : poses) {
       const Feature feature = SeeCorner(corner, kStreetRig, world_from_camera.Inverse());
       if (!feature.has_disparity()) continue;
-      if (viewers.empty()) first_level = feature.level;
+      level = feature.level;
       viewers.push_back(world_from_camera.translation);
     }
     if (viewers.empty()) continue;
     SnapshotLandmark& landmark = map.landmarks.emplace_back();
     landmark.position_in_map = corner.p_in_world;
     landmark.descriptor = corner.descriptor;
-    DeriveVisibility(viewers, first_level, landmark);
+    DeriveVisibility(viewers, viewers.back(), level, landmark);
   }
   return map;
 }

@@ -81,6 +81,7 @@ TEST(KeyframeView, ShowsWhatTheKeyframesAroundSaw) {
   for (size_t i = 0; i < lean.landmarks.size(); ++i) {  // each keyframe keeps every third
     auto& seen_by = lean.landmarks[i].keyframe_idxs;
     std::erase_if(seen_by, [&](uint32_t k) { return (i + k) % 3 != 0; });
+    if (!seen_by.empty()) lean.landmarks[i].anchor_idx = seen_by.back();
   }
   std::erase_if(lean.landmarks,
                 [](const LeanLandmark& landmark) { return landmark.keyframe_idxs.empty(); });

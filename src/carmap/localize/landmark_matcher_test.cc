@@ -35,7 +35,7 @@ class ProjectionTest : public ::testing::Test {
       SnapshotLandmark& landmark = map_.landmarks.emplace_back();
       landmark.position_in_map = {x_m, 0.5, 20};
       landmark.descriptor = random_.RandomDescriptor();
-      DeriveVisibility({{0, 0, 0}}, 2, landmark);
+      DeriveVisibility({{0, 0, 0}}, {0, 0, 0}, 2, landmark);
     }
   }
 

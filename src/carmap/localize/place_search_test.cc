@@ -180,6 +180,7 @@ LeanMap WithDecoys(const LeanMap& map, const std::vector<Feature>& frame, int co
       landmark.descriptor = frame[random.Bits() % frame.size()].descriptor;
       landmark.position_in_map.x() += 500 * n;
       for (uint32_t& idx : landmark.keyframe_idxs) idx += first_keyframe;
+      landmark.anchor_idx += first_keyframe;
       decoyed.landmarks.push_back(landmark);
     }
   }

@@ -63,8 +63,8 @@ absl::Status CheckLandmark(const LeanMap& map, size_t idx) {
   if (!landmark.position_in_map.allFinite()) {
     return Broken("landmark", idx, "has a position that is not finite");
   }
-  if (landmark.first_level >= kLevelCount) {
-    return Broken("landmark", idx, fmt::format("has pyramid level {}", landmark.first_level));
+  if (landmark.anchor_level >= kLevelCount) {
+    return Broken("landmark", idx, fmt::format("has pyramid level {}", landmark.anchor_level));
   }
   const std::vector<uint32_t>& seen_by = landmark.keyframe_idxs;
   if (seen_by.empty()) return Broken("landmark", idx, "is seen by no keyframe");
@@ -74,6 +74,9 @@ absl::Status CheckLandmark(const LeanMap& map, size_t idx) {
   }
   if (seen_by.back() >= map.keyframes.size()) {
     return Broken("landmark", idx, "is seen by a keyframe that the map does not list");
+  }
+  if (!std::binary_search(seen_by.begin(), seen_by.end(), landmark.anchor_idx)) {
+    return Broken("landmark", idx, "has an anchor that does not see it");
   }
   return absl::OkStatus();
 }
@@ -109,6 +112,9 @@ absl::Status CheckConsistency(const LeanMap& map) {
     if (!IsUsable(map.drives[i].rig)) {
       return Broken("drive", i, "has a stereo rig that no camera can have");
     }
+    if (map.drives[i].unix_start && !map.drives[i].unix_start->is_in_range()) {
+      return Broken("drive", i, "begins more than 95 years from 1970");
+    }
   }
   for (size_t i = 0; i < map.keyframes.size(); ++i) {
     CARMAP_RETURN_IF_ERROR(CheckKeyframe(map, i));
@@ -117,6 +123,22 @@ absl::Status CheckConsistency(const LeanMap& map) {
     CARMAP_RETURN_IF_ERROR(CheckLandmark(map, i));
   }
   return CheckLandmarksOfKeyframes(map);
+}
+
+Eigen::Vector3d PositionInAnchor(const LeanMap& map, const LeanLandmark& landmark) {
+  const Rigid3& map_from_camera = map.keyframes[landmark.anchor_idx].map_from_camera;
+  return map_from_camera.rotation.conjugate() *
+         (landmark.position_in_map - map_from_camera.translation);
+}
+
+LeanMap Moved(LeanMap map, const Rigid3& new_from_map) {
+  for (LeanKeyframe& keyframe : map.keyframes) {
+    keyframe.map_from_camera = new_from_map * keyframe.map_from_camera;
+  }
+  for (LeanLandmark& landmark : map.landmarks) {
+    landmark.position_in_map = new_from_map * landmark.position_in_map;
+  }
+  return map;
 }
 
 double PathLengthM(const LeanMap& map) {

@@ -31,6 +31,8 @@ struct LeanDrive {
   DriveId id;
   StereoRig rig;
   DriveFaults faults = {};
+  /// Unix time at the drive's time 0, where it is known.
+  std::optional<Timestamp> unix_start = std::nullopt;
 };
 
 struct LeanKeyframe {
@@ -38,17 +40,21 @@ struct LeanKeyframe {
   Timestamp timestamp;
   Rigid3 map_from_camera;
   std::optional<GpsFix> gps;
+  bool is_stub = false;  ///< in a tile: belongs to another one, and sees landmarks of this
 };
 
 struct LeanLandmark {
   LandmarkId id;
   Eigen::Vector3d position_in_map = Eigen::Vector3d::Zero();
   Descriptor descriptor;
-  /// Pyramid level of the landmark's feature in its first keyframe. With the distance from there it
-  /// gives the scale at which any other camera will see it.
-  uint8_t first_level = 0;
   /// Ascending indices into LeanMap::keyframes; at least one.
   std::vector<uint32_t> keyframe_idxs;
+  /// The one of them that the landmark rides on: its position is stored in that camera's frame. It
+  /// stays the same whoever sees the landmark later.
+  uint32_t anchor_idx = 0;
+  /// Pyramid level of the landmark's feature there. With the distance it gives the scale at which
+  /// any other camera will see it.
+  uint8_t anchor_level = 0;
 };
 
 struct LeanMap {
@@ -63,6 +69,12 @@ const LeanDrive* FindDrive(const std::vector<LeanDrive>& drives, DriveId id);
 /// Checks every invariant and limit written above, that numbers are finite and that ids refer to
 /// drives that are there. Errors: InvalidArgument, naming the first record that breaks one.
 absl::Status CheckConsistency(const LeanMap& map);
+
+/// The landmark's position in the frame of its anchor's camera.
+Eigen::Vector3d PositionInAnchor(const LeanMap& map, const LeanLandmark& landmark);
+
+/// The map in another frame.
+LeanMap Moved(LeanMap map, const Rigid3& new_from_map);
 
 /// Distance driven along the keyframes, metres, summed over drives.
 double PathLengthM(const LeanMap& map);

@@ -34,6 +34,7 @@ LeanMap SmallMap() {
     LeanLandmark landmark;
     landmark.id = id;
     landmark.keyframe_idxs = {0, 1, 3};
+    landmark.anchor_idx = 3;
     map.landmarks.push_back(landmark);
   }
   return map;
@@ -72,6 +73,7 @@ TEST(CheckConsistency, NamesTheFirstRecordThatBreaksAnInvariant) {
            m.landmarks.push_back(m.landmarks.front());
            m.landmarks.back().id.index = i;
            m.landmarks.back().keyframe_idxs = {3};
+           m.landmarks.back().anchor_idx = 3;
          }
        }},
       {"keyframe 1 of the map does not follow", [](LeanMap& m) { m.keyframes[1].id.index = 0; }},
@@ -92,7 +94,7 @@ TEST(CheckConsistency, NamesTheFirstRecordThatBreaksAnInvariant) {
       {"landmark 1 of the map has a position",
        [](LeanMap& m) { m.landmarks[1].position_in_map.z() = kNan; }},
       {"landmark 1 of the map has pyramid level 8",
-       [](LeanMap& m) { m.landmarks[1].first_level = kLevelCount; }},
+       [](LeanMap& m) { m.landmarks[1].anchor_level = kLevelCount; }},
       {"landmark 0 of the map is seen by no keyframe",
        [](LeanMap& m) { m.landmarks[0].keyframe_idxs.clear(); }},
       {"landmark 0 of the map has a keyframe list",
@@ -101,6 +103,10 @@ TEST(CheckConsistency, NamesTheFirstRecordThatBreaksAnInvariant) {
        }},
       {"landmark 2 of the map is seen by a keyframe",
        [](LeanMap& m) { m.landmarks[2].keyframe_idxs = {4}; }},
+      {"landmark 1 of the map has an anchor that does not see it",
+       [](LeanMap& m) { m.landmarks[1].anchor_idx = 2; }},
+      {"drive 1 of the map begins",
+       [](LeanMap& m) { m.drives[1].unix_start = Timestamp{Timestamp::kMaxNs + 1}; }},
   };
   for (const Case& c : cases) {
     LeanMap map = SmallMap();

@@ -22,8 +22,8 @@ float PredictLevel(const SnapshotLandmark& landmark, double distance_m) {
   return landmark.level_at_1m - static_cast<float>(std::log(distance_m) * kInverseLogScale);
 }
 
-void DeriveVisibility(const std::vector<Eigen::Vector3d>& viewers_in_map, int first_level,
-                      SnapshotLandmark& landmark) {
+void DeriveVisibility(const std::vector<Eigen::Vector3d>& viewers_in_map,
+                      const Eigen::Vector3d& anchor_in_map, int level, SnapshotLandmark& landmark) {
   double min_distance = std::numeric_limits<double>::infinity(), max_distance = 0;
   Eigen::Vector3d direction = Eigen::Vector3d::Zero();
   for (const Eigen::Vector3d& viewer : viewers_in_map) {
@@ -36,10 +36,8 @@ void DeriveVisibility(const std::vector<Eigen::Vector3d>& viewers_in_map, int fi
   landmark.direction_to_viewers = direction.normalized().cast<float>();
   landmark.min_distance_m = static_cast<float>(min_distance);
   landmark.max_distance_m = static_cast<float>(max_distance);
-  const double first_distance =
-      std::max((viewers_in_map.front() - landmark.position_in_map).norm(), 1e-3);
-  landmark.level_at_1m =
-      static_cast<float>(first_level + std::log(first_distance) * kInverseLogScale);
+  const double anchor_distance = std::max((anchor_in_map - landmark.position_in_map).norm(), 1e-3);
+  landmark.level_at_1m = static_cast<float>(level + std::log(anchor_distance) * kInverseLogScale);
 }
 
 MapSnapshot SnapshotOf(const Map& map, const std::vector<KeyframeId>& keyframe_ids) {
@@ -65,7 +63,7 @@ MapSnapshot SnapshotOf(const Map& map, const std::vector<KeyframeId>& keyframe_i
     const Observation& first = landmark.observations.front();
     snapshot.landmarks.push_back(
         {.id = id, .position_in_map = landmark.position_in_map, .descriptor = landmark.descriptor});
-    DeriveVisibility(viewers_in_map,
+    DeriveVisibility(viewers_in_map, viewers_in_map.front(),
                      (*map.Find(first.keyframe_id)->features)[first.feature_idx].level,
                      snapshot.landmarks.back());
   }

@@ -65,10 +65,10 @@ std::vector<uint32_t> SelectLandmarks(const MapSnapshot& map, Predicate&& passes
 float PredictLevel(const SnapshotLandmark& landmark, double distance_m);
 
 /// Fills the fields of `landmark` that follow from where it was seen: `viewers_in_map` are the
-/// centres of the keyframes (at least one), `first_level` the pyramid level of its feature in the
-/// first of them.
-void DeriveVisibility(const std::vector<Eigen::Vector3d>& viewers_in_map, int first_level,
-                      SnapshotLandmark& landmark);
+/// centres of the keyframes (at least one), `level` the pyramid level of its feature in the
+/// keyframe whose centre is `anchor_in_map`.
+void DeriveVisibility(const std::vector<Eigen::Vector3d>& viewers_in_map,
+                      const Eigen::Vector3d& anchor_in_map, int level, SnapshotLandmark& landmark);
 
 /// The part of a working map around some of its keyframes: these, and the landmarks that they see
 /// but for those voted non-static (§3.3). `keyframe_ids` ascending, each in the map.

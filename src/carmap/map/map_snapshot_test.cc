@@ -21,7 +21,7 @@ LandmarkId Mark(uint32_t index) { return {kDrive, index}; }
 
 TEST(DeriveVisibility, FollowsFromWhereTheLandmarkWasSeen) {
   SnapshotLandmark landmark{.position_in_map = {0, 0, 10}};
-  DeriveVisibility({{0, 0, 0}, {0, 0, 6}, {0, 3, 6}}, 2, landmark);
+  DeriveVisibility({{0, 0, 0}, {0, 0, 6}, {0, 3, 6}}, {0, 0, 0}, 2, landmark);
   EXPECT_FLOAT_EQ(landmark.min_distance_m, 4);
   EXPECT_FLOAT_EQ(landmark.max_distance_m, 10);
   const Eigen::Vector3f mean = Eigen::Vector3f(0, 0.6f, -2.8f).normalized();
@@ -31,7 +31,7 @@ TEST(DeriveVisibility, FollowsFromWhereTheLandmarkWasSeen) {
 
 TEST(DeriveVisibility, StaysFiniteWhereAViewerStandsOnTheLandmark) {
   SnapshotLandmark landmark{.position_in_map = {1, 2, 3}};
-  DeriveVisibility({{1, 2, 3}}, 0, landmark);
+  DeriveVisibility({{1, 2, 3}}, {1, 2, 3}, 0, landmark);
   EXPECT_TRUE(landmark.direction_to_viewers.allFinite());
   EXPECT_TRUE(std::isfinite(landmark.level_at_1m));
   EXPECT_GT(landmark.max_distance_m, 0);
@@ -39,13 +39,13 @@ TEST(DeriveVisibility, StaysFiniteWhereAViewerStandsOnTheLandmark) {
 
 TEST(DeriveVisibility, StaysFiniteWhereViewersStandOpposite) {
   SnapshotLandmark landmark;
-  DeriveVisibility({{0, 0, 1}, {0, 0, -1}}, 0, landmark);
+  DeriveVisibility({{0, 0, 1}, {0, 0, -1}}, {0, 0, 1}, 0, landmark);
   EXPECT_TRUE(landmark.direction_to_viewers.allFinite());
 }
 
 TEST(PredictLevel, FallsByOneForEachScaleOfDistance) {
   SnapshotLandmark landmark;
-  DeriveVisibility({{0, 0, 20}}, 3, landmark);
+  DeriveVisibility({{0, 0, 20}}, {0, 0, 20}, 3, landmark);
   EXPECT_NEAR(PredictLevel(landmark, 20 * kLevelScale), 2, 1e-5);
   EXPECT_NEAR(PredictLevel(landmark, 20 / kLevelScale), 4, 1e-5);
   EXPECT_NEAR(PredictLevel(landmark, 1), landmark.level_at_1m, 1e-6);

@@ -19,14 +19,16 @@ Kept StripLandmark(const Map& map, const Landmark& landmark,
   Kept kept{landmark.id, {}};
   kept.lean.position_in_map = landmark.position_in_map;
   kept.lean.descriptor = landmark.descriptor;
-  const Observation& first = landmark.observations.front();
-  kept.lean.first_level = (*map.Find(first.keyframe_id)->features)[first.feature_idx].level;
+  // The last to see it, which under forward motion is the nearest.
+  const Observation& last = landmark.observations.back();
+  kept.lean.anchor_level = (*map.Find(last.keyframe_id)->features)[last.feature_idx].level;
   auto keyframe = keyframes.begin();
   for (const Observation& observation : landmark.observations) {
     keyframe = std::lower_bound(keyframe, keyframes.end(), observation.keyframe_id,
                                 [](const LeanKeyframe& a, KeyframeId b) { return a.id < b; });
     kept.lean.keyframe_idxs.push_back(static_cast<uint32_t>(keyframe - keyframes.begin()));
   }
+  kept.lean.anchor_idx = kept.lean.keyframe_idxs.back();
   return kept;
 }
 
@@ -47,8 +49,8 @@ StrippedMap Strip(const Map& map, const LeanDrive& drive, const StripOptions& op
     kept.push_back(StripLandmark(map, landmark, lean.keyframes));
   }
   std::sort(kept.begin(), kept.end(), [](const Kept& a, const Kept& b) {
-    return std::tie(a.lean.keyframe_idxs, a.lean.first_level, a.source) <
-           std::tie(b.lean.keyframe_idxs, b.lean.first_level, b.source);
+    return std::tie(a.lean.keyframe_idxs, a.lean.anchor_level, a.source) <
+           std::tie(b.lean.keyframe_idxs, b.lean.anchor_level, b.source);
   });
   for (Kept& landmark : kept) {
     landmark.lean.id = {drive.id, static_cast<uint32_t>(lean.landmarks.size())};

@@ -61,11 +61,11 @@ TEST(Strip, KeepsWhatEnoughKeyframesSaw) {
   ASSERT_EQ(lean.landmarks.size(), 2u);
   EXPECT_EQ(lean.landmarks[0].id, (LandmarkId{kDrive, 0}));
   EXPECT_THAT(lean.landmarks[0].keyframe_idxs, ElementsAre(0, 2, 3));
-  EXPECT_EQ(lean.landmarks[0].first_level, 6);
+  EXPECT_EQ(lean.landmarks[0].anchor_level, 6);
   EXPECT_EQ(lean.landmarks[0].position_in_map, Eigen::Vector3d(12, 2, 3));
   EXPECT_EQ(lean.landmarks[0].descriptor.words[0], 12u);
   EXPECT_THAT(lean.landmarks[1].keyframe_idxs, ElementsAre(1, 2, 3));
-  EXPECT_EQ(lean.landmarks[1].first_level, 3);
+  EXPECT_EQ(lean.landmarks[1].anchor_level, 3);
 }
 
 TEST(Strip, KeepsAllKeyframesWithTheirPosesTimesAndFixes) {

@@ -198,7 +198,7 @@ inline Eigen::Vector3d MeasureAndTriangulate(const StereoRig& rig,
 inline LeanMap MapStreet(const Street& street, DriveId drive, const StereoRig& rig,
                          const std::vector<Rigid3>& world_from_camera, const Rigid3& map_from_world,
                          const StreetNoise& noise = {}, double start_s = 0) {
-  StreetRandom random(drive.value);
+  StreetRandom random(drive.input);
   LeanMap map;
   map.drives = {{drive, rig}};
   for (uint32_t i = 0; i < world_from_camera.size(); ++i) {
@@ -214,7 +214,8 @@ inline LeanMap MapStreet(const Street& street, DriveId drive, const StereoRig& r
     for (uint32_t i = 0; i < world_from_camera.size(); ++i) {
       const Feature feature = SeeCorner(corner, rig, world_from_camera[i].Inverse());
       if (!feature.has_disparity()) continue;
-      if (landmark.keyframe_idxs.empty()) landmark.first_level = feature.level;
+      landmark.anchor_idx = i;
+      landmark.anchor_level = feature.level;
       landmark.keyframe_idxs.push_back(i);
       const double distance_m = rig.DepthAt(feature.disparity_px);
       if (distance_m > nearest_m) continue;
@@ -240,7 +241,7 @@ inline LeanMap Scaled(LeanMap map, double scale) {
 }
 
 /// The map of a drive that takes each step for `scale` times what it is and turns a little between
-/// them, differently each `seed`; landmarks ride on the first keyframe that saw them.
+/// them, differently each `seed`; landmarks ride on their anchors.
 inline LeanMap Drifted(const LeanMap& map, double scale, double turn_rad_per_m, uint64_t seed) {
   StreetRandom random(seed);
   LeanMap drifted = map;
@@ -256,10 +257,8 @@ inline LeanMap Drifted(const LeanMap& map, double scale, double turn_rad_per_m, 
     drifted.keyframes[i].map_from_camera = drifted.keyframes[i - 1].map_from_camera * step;
   }
   for (LeanLandmark& landmark : drifted.landmarks) {
-    const uint32_t first = landmark.keyframe_idxs.front();
-    const Eigen::Vector3d p_in_camera =
-        map.keyframes[first].map_from_camera.Inverse() * landmark.position_in_map;
-    landmark.position_in_map = drifted.keyframes[first].map_from_camera * p_in_camera;
+    landmark.position_in_map =
+        drifted.keyframes[landmark.anchor_idx].map_from_camera * PositionInAnchor(map, landmark);
   }
   return drifted;
 }

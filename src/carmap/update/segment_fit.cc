@@ -85,7 +85,7 @@ struct Prediction {
 class AnchorSearch {
  public:
   AnchorSearch(const ReconstructedMap& base, const ReconstructedMap& segment,
-               const FitOptions& options, KeyframeLocator& locator)
+               const BendOptions& options, KeyframeLocator& locator)
       : base_(base), segment_(segment), links_(segment), options_(options), locator_(locator) {}
 
   /// Poses of all keyframes, by anchors or by the way from the nearest one, and the anchors.
@@ -203,7 +203,7 @@ class AnchorSearch {
 
   const ReconstructedMap &base_, &segment_;
   const SegmentLinks links_;
-  const FitOptions& options_;
+  const BendOptions& options_;
   KeyframeLocator& locator_;
 };
 
@@ -234,7 +234,7 @@ void AddSteps(const ReconstructedMap& segment, const SegmentLinks& links, const 
 }
 
 /// Poses that the anchors and the segment's steps agree on best, and the weight of each anchor.
-void Bend(const ReconstructedMap& segment, const FitOptions& options, SegmentFit& fit) {
+void Bend(const ReconstructedMap& segment, const BendOptions& options, SegmentFit& fit) {
   constexpr uint32_t kBase = 0, kFirstPose = 1;
   PoseGraph graph;
   graph.camera_from_map.push_back(Rigid3());
@@ -257,7 +257,7 @@ void Bend(const ReconstructedMap& segment, const FitOptions& options, SegmentFit
 }
 
 /// Looks where the bent segment puts them for keyframes that are no anchors yet or contradict it.
-void FindMoreAnchors(const AnchorSearch& search, const FitOptions& options, SegmentFit& fit) {
+void FindMoreAnchors(const AnchorSearch& search, const BendOptions& options, SegmentFit& fit) {
   std::erase_if(fit.anchors,
                 [&](const AnchoredKeyframe& anchor) { return anchor.weight < options.min_weight; });
   std::vector<bool> is_anchor(fit.base_from_camera.size(), false);
@@ -272,7 +272,7 @@ void FindMoreAnchors(const AnchorSearch& search, const FitOptions& options, Segm
 }  // namespace
 
 SegmentFit FitSegment(const ReconstructedMap& base, const ReconstructedMap& segment,
-                      const LocatedKeyframe& start, const FitOptions& options,
+                      const LocatedKeyframe& start, const BendOptions& options,
                       KeyframeLocator& locator) {
   AnchorSearch search(base, segment, options, locator);
   SegmentFit fit = search.Run(start);
@@ -320,7 +320,7 @@ Strain LargestStrain(const ReconstructedMap& segment, const SegmentFit& fit) {
 
 std::vector<LandmarkPair> MatchLandmarks(const ReconstructedMap& base,
                                          const ReconstructedMap& segment, const SegmentFit& fit,
-                                         const FitOptions& options) {
+                                         const BendOptions& options) {
   std::vector<LandmarkPair> matches;
   for (uint32_t i = 0; i < fit.base_from_camera.size(); ++i) {
     const auto landmark_idxs =

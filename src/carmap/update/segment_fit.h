@@ -23,7 +23,7 @@
 
 namespace carmap {
 
-struct FitOptions {
+struct BendOptions {
   TrackingOptions tracking{.min_inliers = 12};  ///< of an anchor
   NeighbourhoodOptions neighbourhood;
   size_t view_neighbours = 16;  ///< keyframes that show what a keyframe is anchored by (ViewFrom)
@@ -62,7 +62,7 @@ struct SegmentFit {
 /// `start` is a keyframe whose place is known. From there the search for anchors goes along the
 /// segment, each predicted from its neighbour; what left the base and comes back is found again.
 SegmentFit FitSegment(const ReconstructedMap& base, const ReconstructedMap& segment,
-                      const LocatedKeyframe& start, const FitOptions& options,
+                      const LocatedKeyframe& start, const BendOptions& options,
                       KeyframeLocator& locator);
 
 /// Of all stretches the one that the fit changes most. A drive's own map is right to a few percent
@@ -73,6 +73,6 @@ Strain LargestStrain(const ReconstructedMap& segment, const SegmentFit& fit);
 /// the landmarks of both, by place in the image and signature.
 std::vector<LandmarkPair> MatchLandmarks(const ReconstructedMap& base,
                                          const ReconstructedMap& segment, const SegmentFit& fit,
-                                         const FitOptions& options);
+                                         const BendOptions& options);
 
 }  // namespace carmap
