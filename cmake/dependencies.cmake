@@ -14,6 +14,20 @@ pkg_check_modules(xxhash REQUIRED IMPORTED_TARGET libxxhash)
 pkg_check_modules(geographic REQUIRED IMPORTED_TARGET geographiclib)
 find_package(Threads REQUIRED)
 
+# S2 comes without a CMake package of its own.
+find_path(S2_INCLUDE_DIR s2/s2cell_id.h REQUIRED)
+find_library(S2_LIBRARY s2 REQUIRED)
+add_library(s2 UNKNOWN IMPORTED)
+set_target_properties(s2 PROPERTIES
+  IMPORTED_LOCATION ${S2_LIBRARY} INTERFACE_INCLUDE_DIRECTORIES ${S2_INCLUDE_DIR})
+
+# Debian's RocksDB has a CMake package, but one that asks for packages that it does not depend on.
+find_path(ROCKSDB_INCLUDE_DIR rocksdb/db.h REQUIRED)
+find_library(ROCKSDB_LIBRARY rocksdb REQUIRED)
+add_library(rocksdb UNKNOWN IMPORTED)
+set_target_properties(rocksdb PROPERTIES
+  IMPORTED_LOCATION ${ROCKSDB_LIBRARY} INTERFACE_INCLUDE_DIRECTORIES ${ROCKSDB_INCLUDE_DIR})
+
 # RapidCheck comes without a CMake package of its own.
 find_path(RAPIDCHECK_INCLUDE_DIR rapidcheck.h REQUIRED)
 find_library(RAPIDCHECK_LIBRARY rapidcheck REQUIRED)

@@ -7,7 +7,7 @@ set -euo pipefail
 
 build_packages=(
   g++ cmake ninja-build ccache pkg-config
-  libeigen3-dev libceres-dev libnanoflann-dev libgeographiclib-dev
+  libeigen3-dev libceres-dev libnanoflann-dev libgeographiclib-dev libs2-dev
   libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev
   libopencv-features2d-dev libopencv-calib3d-dev libopencv-dnn-dev
   libhwy-dev libtbb-dev libembree-dev libabsl-dev libfmt-dev libcli11-dev nlohmann-json3-dev

@@ -22,6 +22,8 @@ void AddCheckCommand(CLI::App& app, Command& chosen);
 void AddMapCommand(CLI::App& app, Command& chosen);
 void AddLocalizeCommand(CLI::App& app, Command& chosen);
 void AddStitchCommand(CLI::App& app, Command& chosen);
+void AddBaseCommand(CLI::App& app, Command& chosen);
+void AddDiffCommand(CLI::App& app, Command& chosen);
 void AddInfoCommand(CLI::App& app, Command& chosen);
 void AddEvaluateCommand(CLI::App& app, Command& chosen);
 void AddVocabularyCommand(CLI::App& app, Command& chosen);

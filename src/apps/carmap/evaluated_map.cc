@@ -26,16 +26,16 @@ absl::StatusOr<std::unique_ptr<KittiDrive>> OpenWithTruth(const std::string& fol
 
 namespace {
 
-/// The ids that the drive and ranges of it have in the map, of those with keyframes there. A map of
-/// one drive is taken to be of this one: its times will tell.
-std::vector<DriveId> IdsOf(const KittiDrive& drive, const LeanMap& map) {
+/// The ids that the drive and ranges of it have in the map, of those with keyframes there.
+std::vector<DriveId> IdsOf(const KittiDrive& drive, const LeanMap& map, bool is_part_of_base) {
   std::map<DriveId, uint32_t> first_mapped;
   for (const LeanKeyframe& keyframe : map.keyframes) {
     first_mapped.try_emplace(keyframe.id.drive, keyframe.id.index);
   }
   std::vector<DriveId> ids;
   for (const auto& [id, first] : first_mapped) {
-    if (map.drives.size() == 1 || drive.HasInput(id, first)) ids.push_back(id);
+    if ((map.drives.size() == 1 && !is_part_of_base) || drive.HasInput(id, first))
+      ids.push_back(id);
   }
   return ids;
 }
@@ -51,9 +51,9 @@ absl::Status NotOfDrive(const LeanMap& map, const std::string& path, const std::
 }  // namespace
 
 absl::StatusOr<EvaluatedMap> AlignToTruth(const LeanMap& map, const std::string& path,
-                                          const std::string& truth_folder) {
+                                          const std::string& truth_folder, bool is_part_of_base) {
   CARMAP_ASSIGN_OR_RETURN(const auto drive, OpenWithTruth(truth_folder));
-  const std::vector<DriveId> ids = IdsOf(*drive, map);
+  const std::vector<DriveId> ids = IdsOf(*drive, map, is_part_of_base);
   if (ids.empty()) return NotOfDrive(map, path, truth_folder);
   const LeanMap of_drive = KeyframesOf(map, ids);
   const auto alignment = AlignMapToTruth(of_drive, drive->truth());

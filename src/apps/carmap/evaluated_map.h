@@ -27,10 +27,12 @@ struct EvaluatedMap {
 };
 
 /// `map` was read from `path`, and made of the drive in `truth_folder`, of ranges of it, and of
-/// other drives, whose keyframes do not count. Errors: as OpenWithTruth and AlignMapToTruth;
+/// other drives, whose keyframes do not count. A map of one drive, unless it is a part of a base,
+/// is taken to be of this one: its times will tell. Errors: as OpenWithTruth and AlignMapToTruth;
 /// FailedPrecondition where it cannot be told which of several drives is the one.
 absl::StatusOr<EvaluatedMap> AlignToTruth(const LeanMap& map, const std::string& path,
-                                          const std::string& truth_folder);
+                                          const std::string& truth_folder,
+                                          bool is_part_of_base = false);
 
 /// Adds a frame's errors against the truth and against the map's own trajectory, in metres and
 /// degrees.

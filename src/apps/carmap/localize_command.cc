@@ -4,10 +4,13 @@
 #include <CLI/App.hpp>
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <stdexcept>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -33,6 +36,8 @@
 #include "carmap/feature/stereo_features.h"
 #include "carmap/format/lean_codec.h"
 #include "carmap/index/reconstruct.h"
+#include "carmap/ingest/base_map.h"
+#include "carmap/ingest/view_follower.h"
 #include "carmap/semantics/segmenter_choice.h"
 #include "carmap/slam/drive_mapper.h"
 #include "carmap/slam/drive_sample.h"
@@ -50,40 +55,54 @@ struct Arguments {
   FrameRange range;
 };
 
+/// What the vehicle localizes in: one map, or a base of which it reads the tiles around it.
 struct LoadedMap {
-  LeanMap lean;
+  LeanMap lean;   ///< of a base, once the drive is over: the tiles that were read
   StereoRig rig;  ///< of the vehicle that localizes
-  ReconstructedMap map;
+  std::shared_ptr<const ReconstructedMap> map;  ///< null of a base
+  std::unique_ptr<const BaseMap> base;
   size_t bytes = 0;
   double read_ms = 0, decode_ms = 0, rebuild_ms = 0;
 };
 
+absl::Status CheckHasLandmarks(const LeanMap& map, const std::string& path) {
+  if (!map.landmarks.empty()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("{}: holds no landmark to localize by; map a longer drive", path));
+}
+
 absl::StatusOr<LoadedMap> LoadMap(const std::string& path, const StereoRig& rig) {
   LoadedMap loaded;
+  loaded.rig = StereoFrontEnd(rig).rig();
   const Stopwatch read_watch;
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error)) {
+    CARMAP_ASSIGN_OR_RETURN(loaded.base, BaseMap::Open(path, StoreAccess::kReadOnly));
+    loaded.read_ms = read_watch.ElapsedMs();
+    return loaded;
+  }
   CARMAP_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, kMaxLeanFileBytes));
   loaded.read_ms = read_watch.ElapsedMs();
   loaded.bytes = bytes.size();
   const Stopwatch decode_watch;
   CARMAP_ASSIGN_OR_RETURN(loaded.lean, DecodeLeanMap(bytes, path));
   loaded.decode_ms = decode_watch.ElapsedMs();
-  if (loaded.lean.landmarks.empty()) {
-    return absl::FailedPreconditionError(
-        fmt::format("{}: holds no landmark to localize by; map a longer drive", path));
-  }
+  CARMAP_RETURN_IF_ERROR(CheckHasLandmarks(loaded.lean, path));
   const Stopwatch rebuild_watch;
-  loaded.rig = StereoFrontEnd(rig).rig();
-  loaded.map = Reconstruct(loaded.lean, loaded.rig.camera.fx);
+  loaded.map =
+      std::make_shared<const ReconstructedMap>(Reconstruct(loaded.lean, loaded.rig.camera.fx));
   loaded.rebuild_ms = rebuild_watch.ElapsedMs();
   return loaded;
 }
 
 /// Lays the map on --map-truth; nothing if that was not asked for.
-absl::StatusOr<std::optional<EvaluatedMap>> AlignMap(const LeanMap& map, const KittiDrive& drive,
+absl::StatusOr<std::optional<EvaluatedMap>> AlignMap(const LoadedMap& loaded,
+                                                     const KittiDrive& drive,
                                                      const Arguments& arguments) {
   if (arguments.map_truth.empty()) return std::nullopt;
-  CARMAP_ASSIGN_OR_RETURN(EvaluatedMap evaluated,
-                          AlignToTruth(map, arguments.map, arguments.map_truth));
+  CARMAP_ASSIGN_OR_RETURN(
+      EvaluatedMap evaluated,
+      AlignToTruth(loaded.lean, arguments.map, arguments.map_truth, loaded.base != nullptr));
   CARMAP_RETURN_IF_ERROR(CheckTruth(drive, arguments.drive));
   return evaluated;
 }
@@ -109,6 +128,9 @@ struct LocalizedDrive {
   RowMisalignment undone;     ///< of the right images
   std::optional<GpsUse> gps;  ///< by where the map lies on the Earth
   std::string failure;        ///< why it ends before the drive: an exception, in one line
+  /// Of a base: those read, how often the view of them changed, those that cannot be read.
+  size_t tiles_read = 0, views = 0;
+  std::vector<std::string> damaged_tiles;
 
   size_t localized() const { return by_map + by_dead_reckoning; }
 };
@@ -120,16 +142,21 @@ class DriveLocalizer {
                  const StereoFrontEnd& front_end, std::shared_ptr<Segmenter> segmenter)
       : front_end_(front_end),
         own_map_(camera_rig, loaded.rig, DriveId(), OwnMapOptions(std::move(segmenter))),
-        tracker_(loaded.map, loaded.rig,
-                 {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()}) {}
+        rig_(loaded.rig) {
+    if (loaded.base) follower_.emplace(*loaded.base, rig_.camera.fx, ProgramVocabulary());
+    tracker_.emplace(follower_ ? follower_->map() : loaded.map, rig_, ProgramVocabulary());
+  }
 
   void Take(const ExtractedFrame& frame) {
     const TrackedFrame& own = own_map_.Take(frame);
     const Stopwatch watch;
-    FrameResult result{frame.index, tracker_.Take(frame, own), 0};
+    if (follower_) Follow(frame);
+    FrameResult result{frame.index, tracker_->Take(frame, own), 0};
+    last_pose_.reset();
+    if (result.pose.pose) last_pose_ = result.pose.pose->camera_from_base.Inverse();
     TimedPose& pose = drive_.trajectory.emplace_back();
     pose.timestamp = frame.timestamp;
-    if (result.pose.pose) pose.world_from_camera = result.pose.pose->camera_from_base.Inverse();
+    if (last_pose_) pose.world_from_camera = first_from_view_ * *last_pose_;
     if (frame.features) {
       result.frame_ms = own_map_.last_frame_ms() + watch.ElapsedMs();
       drive_.frame_ms.push_back(result.frame_ms);
@@ -140,6 +167,7 @@ class DriveLocalizer {
   }
 
   LocalizedDrive& drive() { return drive_; }
+  const std::optional<ViewFollower>& follower() const { return follower_; }
   DriveHealth Health() const { return own_map_.Health(drive_.trajectory); }
   std::optional<LabellingSummary> labelling() const { return own_map_.labelling(); }
 
@@ -152,6 +180,33 @@ class DriveLocalizer {
     options.segmenter = std::move(segmenter);
     options.loops.close_loops = false;
     return options;
+  }
+
+  static std::shared_ptr<const Vocabulary> ProgramVocabulary() {
+    return {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()};
+  }
+
+  /// Reads the tiles around the vehicle before it needs them. What the store denies ends the run.
+  void Follow(const ExtractedFrame& frame) {
+    static const std::vector<Feature> kNothing;
+    const bool had_tiles = !follower_->view().tiles().empty();
+    const Rigid3 root_from_view = follower_->view().root_from_view();
+    const bool was_on_earth = follower_->view().grid().is_on_earth;
+    const auto change =
+        follower_->Follow(last_pose_, frame.gps, frame.features ? *frame.features : kNothing);
+    if (!change.ok()) throw std::runtime_error(std::string(change.status().message()));
+    if (*change == ViewFollower::Change::kNone) return;
+    ++drive_.views;
+    if (*change == ViewFollower::Change::kTiles) {
+      tracker_->Swap(follower_->map());
+      return;
+    }
+    tracker_.emplace(follower_->map(), rig_, ProgramVocabulary());
+    // Poses of the drive stay in its first frame, where the Earth connects the two.
+    if (had_tiles && was_on_earth && follower_->view().grid().is_on_earth) {
+      first_from_view_ =
+          first_from_view_ * root_from_view.Inverse() * follower_->view().root_from_view();
+    }
   }
 
   void RememberIfBest(const ExtractedFrame& frame, const std::vector<LandmarkMatch>& inliers) {
@@ -180,12 +235,16 @@ class DriveLocalizer {
 
   const StereoFrontEnd& front_end_;
   DriveMapper own_map_;
-  BaseTracker tracker_;
+  const StereoRig rig_;
+  std::optional<ViewFollower> follower_;  ///< in a base
+  std::optional<BaseTracker> tracker_;    ///< never empty
+  Rigid3 first_from_view_;                ///< from the view's frame to that of the first view
+  std::optional<Rigid3> last_pose_;       ///< in the view
   size_t most_inliers_ = 0;
   LocalizedDrive drive_;
 };
 
-LocalizedDrive LocalizeDrive(KittiDrive& drive, const LoadedMap& loaded,
+LocalizedDrive LocalizeDrive(KittiDrive& drive, LoadedMap& loaded,
                              std::shared_ptr<Segmenter> segmenter) {
   const RowMisalignment misalignment = FindMisalignment(drive);
   FrameExtraction frames(drive, {.misalignment = misalignment}, /*sequential=*/false);
@@ -201,6 +260,11 @@ LocalizedDrive LocalizeDrive(KittiDrive& drive, const LoadedMap& loaded,
   localizer.drive().labelling = localizer.labelling();
   localizer.drive().health = localizer.Health();
   localizer.drive().undone = misalignment;
+  if (const auto& follower = localizer.follower()) {
+    localizer.drive().tiles_read = follower->tiles_read();
+    localizer.drive().damaged_tiles = follower->damaged();
+    if (const auto used = follower->Used(); used.ok()) loaded.lean = used->map();
+  }
   if (drive.gps() != nullptr) {
     localizer.drive().gps =
         JudgeFixes(*drive.gps(), localizer.drive().trajectory, GeoreferenceOf(loaded.lean, {}), {});
@@ -269,7 +333,13 @@ nlohmann::ordered_json ToJson(const LoadedMap& loaded, const LocalizedDrive& loc
                        {"decode", loaded.decode_ms},
                        {"rebuild", loaded.rebuild_ms},
                        {"total", loaded.read_ms + loaded.decode_ms + loaded.rebuild_ms}};
-  report["map_bytes"] = loaded.bytes;
+  if (loaded.base) {
+    report["base"] = {{"tiles_read", localized.tiles_read},
+                      {"views", localized.views},
+                      {"damaged_tiles", localized.damaged_tiles}};
+  } else {
+    report["map_bytes"] = loaded.bytes;
+  }
   report["frame_ms"] = ToJson(Summarize(localized.frame_ms));
   report["peak_rss_mb"] = PeakMemoryMb();
   report["health"] = ToJson(localized.health, localized.gps);
@@ -342,7 +412,9 @@ void WritePictures(const LoadedMap& loaded, const LocalizedDrive& localized,
   files.Write(arguments.frame_picture, [&] {
     return WritePng(arguments.frame_picture, RenderFramePicture(localized.best_frame));
   });
-  files.Write(arguments.error_picture, [&] {
+  files.Write(arguments.error_picture, [&]() -> absl::Status {
+    if (!evaluated)
+      return absl::FailedPreconditionError("--error-picture: no truth to compare with");
     return WritePng(arguments.error_picture,
                     DrawErrors(localized, evaluated->alignment, truth, arguments));
   });
@@ -353,9 +425,14 @@ void PrintSummary(const LoadedMap& loaded, const LocalizedDrive& localized,
   fmt::print("localized     {} of {}: {} by the map, {} by dead reckoning ({:.1f} m at most)\n",
              localized.localized(), Count(localized.trajectory.size(), "frame"), localized.by_map,
              localized.by_dead_reckoning, localized.longest_dead_reckoning_m);
-  fmt::print("map           loaded in {:.1f} ms (read {:.1f}, decode {:.1f}, rebuild {:.1f})\n",
-             loaded.read_ms + loaded.decode_ms + loaded.rebuild_ms, loaded.read_ms,
-             loaded.decode_ms, loaded.rebuild_ms);
+  if (loaded.base) {
+    fmt::print("base          opened in {:.1f} ms; {} read around the vehicle, in {}\n",
+               loaded.read_ms, Count(localized.tiles_read, "tile"), Count(localized.views, "view"));
+  } else {
+    fmt::print("map           loaded in {:.1f} ms (read {:.1f}, decode {:.1f}, rebuild {:.1f})\n",
+               loaded.read_ms + loaded.decode_ms + loaded.rebuild_ms, loaded.read_ms,
+               loaded.decode_ms, loaded.rebuild_ms);
+  }
   fmt::print("frame         {} ms\n", ToText(Summarize(localized.frame_ms), 1));
   PrintUndone(localized.undone);
   PrintHealth(localized.health, localized.gps);
@@ -418,27 +495,38 @@ bool CheckComplete(const LocalizedDrive& localized, const Arguments& arguments,
   const bool is_sound = CheckSound(localized.health.suspicions, arguments.drive);
   const bool agrees_with_gps = CheckGps(localized.gps, arguments.drive);
   PrintLostFrames(arguments.drive, localized.unusable_frames);
+  for (const std::string& tile : localized.damaged_tiles) PrintProblem(tile);
   const bool is_whole = CheckWhole(localized.failure, arguments.drive);
   const bool is_filtered = CheckLabelling(localized.labelling, arguments.segmenter,
                                           "the vehicle may have tracked itself by traffic");
   const bool is_written = files.Finish();
   return is_whole && is_filtered && is_sound && agrees_with_gps && is_written &&
-         localized.unusable_frames.empty();
+         localized.unusable_frames.empty() && localized.damaged_tiles.empty();
 }
 
 absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
   CARMAP_RETURN_IF_ERROR(CheckFiles(arguments));
   CARMAP_ASSIGN_OR_RETURN(const auto drive, KittiDrive::Open(arguments.drive, arguments.range));
-  CARMAP_ASSIGN_OR_RETURN(const LoadedMap loaded, LoadMap(arguments.map, drive->rig()));
-  CARMAP_ASSIGN_OR_RETURN(const std::optional<EvaluatedMap> evaluated,
-                          AlignMap(loaded.lean, *drive, arguments));
-
+  CARMAP_ASSIGN_OR_RETURN(LoadedMap loaded, LoadMap(arguments.map, drive->rig()));
+  std::optional<EvaluatedMap> evaluated;
+  if (!loaded.base) {
+    CARMAP_ASSIGN_OR_RETURN(evaluated, AlignMap(loaded, *drive, arguments));
+  }
   const PinholeCamera& camera = drive->rig().camera;
   CARMAP_ASSIGN_OR_RETURN(auto segmenter, MakeSegmenter(arguments.segmenter, arguments.drive,
                                                         {camera.width, camera.height}));
   const LocalizedDrive localized = LocalizeDrive(*drive, loaded, std::move(segmenter));
   OutputFiles files;
   const bool is_found = localized.localized() > 0;
+  bool is_aligned = true;
+  if (loaded.base && is_found) {  // what was found stays, also where the truth does not fit it
+    if (auto aligned = AlignMap(loaded, *drive, arguments); aligned.ok()) {
+      evaluated = *std::move(aligned);
+    } else {
+      PrintProblem(std::string(aligned.status().message()));
+      is_aligned = false;
+    }
+  }
   if (is_found) {
     files.Write(arguments.trajectory,
                 [&] { return WriteTrajectory(arguments.trajectory, localized.trajectory); });
@@ -451,7 +539,7 @@ absl::StatusOr<ExitCode> RunLocalize(const Arguments& arguments) {
   if (!is_found) return NoFrameFound(localized, arguments);
   PrintSummary(loaded, localized, ErrorOf(localized, evaluated, drive->truth()));
   PrintNotFound(localized);
-  return CheckComplete(localized, arguments, files) ? kSuccess : kIncomplete;
+  return CheckComplete(localized, arguments, files) && is_aligned ? kSuccess : kIncomplete;
 }
 
 }  // namespace
@@ -460,7 +548,9 @@ void AddLocalizeCommand(CLI::App& app, Command& chosen) {
   CLI::App* command = app.add_subcommand("localize", "Find each frame of a drive in a map");
   const auto arguments = std::make_shared<Arguments>();
   command->add_option("DRIVE", arguments->drive, "Folder of the drive")->required();
-  command->add_option("--map", arguments->map, "The map")->required()->type_name("MAP.cmap");
+  command->add_option("--map", arguments->map, "The map (.cmap), or the folder of a base map")
+      ->required()
+      ->type_name("MAP");
   command->add_option("--first", arguments->range.first, "First frame to localize, from 0")
       ->type_name("N");
   command
@@ -499,6 +589,9 @@ void AddLocalizeCommand(CLI::App& app, Command& chosen) {
 frame that shows none is known by dead reckoning, with a covariance that grows. While the vehicle
 does not know where it is, it looks near its fix, if the drive has gps.txt and the map has GPS
 fixes, and then in the whole map, and believes in a place that agrees with its own motion.
+
+Of a base only the tiles around the vehicle are read, as it drives: at first by its fix, or by what it
+sees. The trajectory is in the frame of the first tile: x east, y down, z north, metres.
 
 With a segmenter the vehicle does not track itself by traffic (the paper's dynamic object filter).
 

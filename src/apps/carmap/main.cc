@@ -90,6 +90,8 @@ int Run(int argc, char** argv) {
   AddMapCommand(app, chosen);
   AddLocalizeCommand(app, chosen);
   AddStitchCommand(app, chosen);
+  AddBaseCommand(app, chosen);
+  AddDiffCommand(app, chosen);
   AddInfoCommand(app, chosen);
   AddEvaluateCommand(app, chosen);
   AddVocabularyCommand(app, chosen);

@@ -187,7 +187,9 @@ void DrawLegend(const Plot& plot, const MapPicture& picture, Canvas& canvas) {
   for (const PicturePath& path : picture.paths) {
     text_width_px = std::max(text_width_px, Canvas::TextWidth(path.name, kTextPx));
   }
-  const auto rows = static_cast<double>(picture.paths.size() + 1);
+  const auto named = std::count_if(picture.paths.begin(), picture.paths.end(),
+                                   [](const PicturePath& path) { return !path.name.empty(); });
+  const auto rows = static_cast<double>(named + 1);
   const Eigen::Vector2d size(kSamplePx + text_width_px + 3 * kPaddingPx,
                              rows * kRowPx + kPaddingPx);
   const Eigen::Vector2d min(plot.max_px().x() - kInsetPx - size.x(), plot.min_px().y() + kInsetPx);
@@ -201,6 +203,7 @@ void DrawLegend(const Plot& plot, const MapPicture& picture, Canvas& canvas) {
   };
   for (size_t i = 0; i < picture.paths.size(); ++i) {
     const PicturePath& path = picture.paths[i];
+    if (path.name.empty()) continue;
     const Eigen::Vector2d half(kSamplePx / 2, 0);
     if (path.as_dots) {
       canvas.Dot(sample + half, kDotRadiusPx, path.colour);

@@ -17,7 +17,7 @@
 namespace carmap {
 
 struct PicturePath {
-  std::string name;  ///< for the legend; ASCII
+  std::string name;  ///< for the legend, which leaves out what has none; ASCII
   Rgb colour;
   std::vector<Eigen::Vector3d> positions_in_map;
   bool as_dots = false;  ///< a dot at each position (keyframes) rather than a line

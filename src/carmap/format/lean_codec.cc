@@ -215,12 +215,13 @@ void AppendKeyframeLists(const std::vector<LeanLandmark>& landmarks, int level, 
 }
 
 std::string EncodeLandmarks(const LeanMap& map, int level) {
-  std::string anchor_levels;
+  std::string anchor_levels, drive_counts;
   std::vector<uint64_t> views_after_anchor;
   std::vector<GridVector> positions;
   for (const LeanLandmark& landmark : map.landmarks) {
     const std::vector<uint32_t>& seen_by = landmark.keyframe_idxs;
     anchor_levels.push_back(static_cast<char>(landmark.anchor_level));
+    drive_counts.push_back(static_cast<char>(landmark.drive_count));
     views_after_anchor.push_back(static_cast<uint64_t>(
         seen_by.end() - std::upper_bound(seen_by.begin(), seen_by.end(), landmark.anchor_idx)));
     positions.push_back(ToGrid(PositionInAnchor(map, landmark), kPositionExponent));
@@ -228,6 +229,7 @@ std::string EncodeLandmarks(const LeanMap& map, int level) {
   std::string out;
   AppendIds(map.drives, map.landmarks, level, out);
   AppendByteColumn(anchor_levels, level, out);
+  AppendByteColumn(drive_counts, level, out);
   AppendKeyframeLists(map.landmarks, level, out);
   AppendIntColumn(views_after_anchor, level, out);
   AppendVectors(positions, level, out);
@@ -498,6 +500,7 @@ absl::Status DecodeLandmarks(std::string_view bytes, const Header& header, LeanM
   CARMAP_ASSIGN_OR_RETURN(const std::vector<LandmarkId> ids,
                           ReadIds<LandmarkId>(reader, map.drives, count));
   CARMAP_ASSIGN_OR_RETURN(const std::string anchor_levels, ReadByteColumn(reader, count));
+  CARMAP_ASSIGN_OR_RETURN(const std::string drive_counts, ReadByteColumn(reader, count));
   map.landmarks.resize(count);
   CARMAP_RETURN_IF_ERROR(ReadKeyframeLists(reader, header.counts, map.landmarks));
   CARMAP_ASSIGN_OR_RETURN(const auto views_after_anchor, ReadIntColumn(reader, count));
@@ -507,6 +510,7 @@ absl::Status DecodeLandmarks(std::string_view bytes, const Header& header, LeanM
     LeanLandmark& landmark = map.landmarks[i];
     landmark.id = ids[i];
     landmark.anchor_level = static_cast<uint8_t>(anchor_levels[i]);
+    landmark.drive_count = static_cast<uint8_t>(drive_counts[i]);
     const std::vector<uint32_t>& seen_by = landmark.keyframe_idxs;
     if (views_after_anchor[i] >= seen_by.size()) {
       return Malformed("a landmark's anchor is not in its list");

@@ -128,6 +128,7 @@ TEST(LeanCodec, KeepsFarPlacesAndOddTimes) {
   map.keyframes[0].timestamp = Timestamp::FromSeconds(3e9);
   map.keyframes[1].timestamp = Timestamp::FromSeconds(-3e9);
   map.keyframes[1].map_from_camera.translation = {kMaxCoordinateM, -kMaxCoordinateM, 0};
+  std::erase_if(map.landmarks, [](const LeanLandmark& l) { return l.anchor_idx == 1; });
   LeanLandmark& landmark = map.landmarks[0];
   landmark.keyframe_idxs = {1};
   landmark.anchor_idx = 1;
@@ -322,18 +323,19 @@ LeanMap GoldenMap() {
   add_keyframe(1, 9, 900'000'000, {-7, 4'194'304 / 2, 7}, {100, 0, -20}, std::nullopt, false);
   const auto add_landmark = [&](size_t drive, uint32_t index, const Eigen::Vector3d& position,
                                 uint64_t word, uint8_t level, std::vector<uint32_t> keyframe_idxs,
-                                uint32_t anchor_idx) {
+                                uint32_t anchor_idx, uint8_t drive_count) {
     map.landmarks.push_back({{map.drives[drive].id, index},
                              position,
                              {{word, ~word}},
                              std::move(keyframe_idxs),
                              anchor_idx,
-                             level});
+                             level,
+                             drive_count});
   };
-  add_landmark(0, 0, {-3, 1.5, 12}, 0x0123456789abcdef, 0, {0, 1, 2}, 2);
-  add_landmark(0, 1, {10.25, -2, 40}, 0xfedcba9876543210, 2, {0, 2, 3}, 2);
-  add_landmark(0, 7, {0.00390625, 0, 5}, 0x5555aaaa5555aaaa, 7, {1}, 1);
-  add_landmark(1, 0, {101, 0.5, -10}, 0, 1, {3}, 3);
+  add_landmark(0, 0, {-3, 1.5, 12}, 0x0123456789abcdef, 0, {0, 1, 2}, 2, 1);
+  add_landmark(0, 1, {10.25, -2, 40}, 0xfedcba9876543210, 2, {0, 2, 3}, 2, 2);
+  add_landmark(0, 7, {0.00390625, 0, 5}, 0x5555aaaa5555aaaa, 7, {1}, 1, 1);
+  add_landmark(1, 0, {101, 0.5, -10}, 0, 1, {3}, 3, 255);
   return Quantize(map);
 }
 

@@ -72,6 +72,7 @@ LeanLandmark RandomLandmark(uint32_t first_keyframe, Dice& dice, const LeanMap& 
     landmark.keyframe_idxs.push_back(keyframe);
     keyframe += dice.Below(12) == 0 ? 2 : 1;
   } while (keyframe < map.keyframes.size() && dice.Below(5) != 0);
+  landmark.drive_count = static_cast<uint8_t>(1 + dice.Below(3));
   const auto views = static_cast<uint32_t>(landmark.keyframe_idxs.size());
   landmark.anchor_idx = dice.Below(4) == 0 ? landmark.keyframe_idxs[dice.Below(views)]
                                            : landmark.keyframe_idxs.back();
@@ -116,8 +117,8 @@ bool AreIdentical(const LeanMap& a, const LeanMap& b) {
   };
   const auto same_landmark = [](const LeanLandmark& x, const LeanLandmark& y) {
     return x.id == y.id && x.position_in_map == y.position_in_map && x.descriptor == y.descriptor &&
-           x.anchor_level == y.anchor_level && x.anchor_idx == y.anchor_idx &&
-           x.keyframe_idxs == y.keyframe_idxs;
+           x.anchor_level == y.anchor_level && x.drive_count == y.drive_count &&
+           x.anchor_idx == y.anchor_idx && x.keyframe_idxs == y.keyframe_idxs;
   };
   return std::equal(a.drives.begin(), a.drives.end(), b.drives.begin(), b.drives.end(),
                     same_drive) &&

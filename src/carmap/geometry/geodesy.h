@@ -4,6 +4,8 @@
 #include <Eigen/Core>
 #include <memory>
 
+#include "carmap/geometry/rigid3.h"
+
 namespace carmap {
 
 /// A GPS fix in WGS84.
@@ -14,6 +16,11 @@ struct GpsFix {
 
 /// True when the numbers are finite and on the globe.
 bool IsValid(const GpsFix& fix);
+
+/// The east-north-up frame at a place, in the Earth's own frame (ECEF: origin at its centre, z to
+/// the north pole).
+Rigid3 EcefFromEnu(const GpsFix& origin);
+GpsFix GpsOfEcef(const Eigen::Vector3d& p_in_ecef);
 
 /// East-north-up coordinates in metres about an origin. Immutable, thread-safe.
 class LocalEnu {

@@ -34,6 +34,7 @@ MapSnapshot MakeSnapshot(const LeanMap& map, double focal_length_px) {
     landmark.id = lean.id;
     landmark.position_in_map = lean.position_in_map;
     landmark.descriptor = lean.descriptor;
+    landmark.drive_count = lean.drive_count;
     const LeanKeyframe& anchor = map.keyframes[lean.anchor_idx];
     DeriveVisibility(viewers_in_map, anchor.map_from_camera.translation, lean.anchor_level,
                      landmark);

@@ -1,7 +1,9 @@
 #include "carmap/localize/map_neighbourhood.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace carmap {
@@ -15,13 +17,29 @@ constexpr double kLaterRadiusPx = 12;  // of searches from a pose that was found
 
 std::vector<uint32_t> LandmarksSeenBy(const ReconstructedMap& map,
                                       const std::vector<uint32_t>& keyframe_idxs) {
-  std::vector<uint32_t> landmark_idxs;
+  uint32_t first = std::numeric_limits<uint32_t>::max(), last = 0;
+  size_t observations = 0;
   for (const uint32_t keyframe_idx : keyframe_idxs) {
     const auto& seen = map.snapshot.keyframes[keyframe_idx].landmark_idxs;
-    landmark_idxs.insert(landmark_idxs.end(), seen.begin(), seen.end());
+    if (seen.empty()) continue;
+    first = std::min(first, seen.front());
+    last = std::max(last, seen.back());
+    observations += seen.size();
   }
-  std::sort(landmark_idxs.begin(), landmark_idxs.end());
-  landmark_idxs.erase(std::unique(landmark_idxs.begin(), landmark_idxs.end()), landmark_idxs.end());
+  std::vector<uint32_t> landmark_idxs;
+  if (observations == 0) return landmark_idxs;
+  // A bit each: lists of keyframes side by side are of much the same landmarks.
+  std::vector<uint64_t> is_seen((last - first) / 64 + 1, 0);
+  for (const uint32_t keyframe_idx : keyframe_idxs) {
+    for (const uint32_t idx : map.snapshot.keyframes[keyframe_idx].landmark_idxs) {
+      is_seen[(idx - first) / 64] |= uint64_t{1} << ((idx - first) % 64);
+    }
+  }
+  for (uint32_t word = 0; word < is_seen.size(); ++word) {
+    for (uint64_t bits = is_seen[word]; bits != 0; bits &= bits - 1) {
+      landmark_idxs.push_back(first + 64 * word + static_cast<uint32_t>(std::countr_zero(bits)));
+    }
+  }
   return landmark_idxs;
 }
 

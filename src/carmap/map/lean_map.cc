@@ -66,6 +66,7 @@ absl::Status CheckLandmark(const LeanMap& map, size_t idx) {
   if (landmark.anchor_level >= kLevelCount) {
     return Broken("landmark", idx, fmt::format("has pyramid level {}", landmark.anchor_level));
   }
+  if (landmark.drive_count == 0) return Broken("landmark", idx, "was seen by no drive");
   const std::vector<uint32_t>& seen_by = landmark.keyframe_idxs;
   if (seen_by.empty()) return Broken("landmark", idx, "is seen by no keyframe");
   const auto is_not_below = [](uint32_t a, uint32_t b) { return a >= b; };

@@ -55,6 +55,8 @@ struct LeanLandmark {
   /// Pyramid level of the landmark's feature there. With the distance it gives the scale at which
   /// any other camera will see it.
   uint8_t anchor_level = 0;
+  /// Drives that saw it, up to 255; also those whose keyframes the map does not keep.
+  uint8_t drive_count = 1;
 };
 
 struct LeanMap {

@@ -105,6 +105,8 @@ TEST(CheckConsistency, NamesTheFirstRecordThatBreaksAnInvariant) {
        [](LeanMap& m) { m.landmarks[2].keyframe_idxs = {4}; }},
       {"landmark 1 of the map has an anchor that does not see it",
        [](LeanMap& m) { m.landmarks[1].anchor_idx = 2; }},
+      {"landmark 2 of the map was seen by no drive",
+       [](LeanMap& m) { m.landmarks[2].drive_count = 0; }},
       {"drive 1 of the map begins",
        [](LeanMap& m) { m.drives[1].unix_start = Timestamp{Timestamp::kMaxNs + 1}; }},
   };

@@ -38,6 +38,7 @@ struct SnapshotLandmark {
   /// Pyramid level at which it would be seen from one metre away (not rounded, mostly far above
   /// kLevelCount): what PredictLevel derives the level at any distance from.
   float level_at_1m = 0;
+  uint8_t drive_count = 1;  ///< drives that saw it, as far as the map tells
 };
 
 struct MapSnapshot {

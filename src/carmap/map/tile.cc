@@ -125,7 +125,7 @@ bool AreEqual(const LeanMap& map_a, const LeanLandmark& a, const LeanMap& map_b,
   // Far below the grid that positions are stored on, and far above what rounding changes.
   constexpr double kSamePositionM = 1e-5;
   if (a.descriptor != b.descriptor || a.anchor_level != b.anchor_level ||
-      a.keyframe_idxs.size() != b.keyframe_idxs.size() ||
+      a.drive_count != b.drive_count || a.keyframe_idxs.size() != b.keyframe_idxs.size() ||
       map_a.keyframes[a.anchor_idx].id != map_b.keyframes[b.anchor_idx].id) {
     return false;
   }

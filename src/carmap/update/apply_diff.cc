@@ -1,9 +1,12 @@
 #include "carmap/update/apply_diff.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <iterator>
 #include <optional>
+#include <set>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -81,9 +84,14 @@ class Merger {
  public:
   Merger(const LeanMap& base, const LeanMap& drive, const ReconstructedMap& base_map,
          const ReconstructedMap& drive_map, const ApplyOptions& options)
-      : base_(base), drive_(drive), drive_map_(drive_map) {
+      : base_(base), drive_(drive), drive_map_(drive_map), options_(options) {
     MergeDrives();
     MergeKeyframes(StandIns(base, base_map, options));
+    places_.resize(merged_.keyframes.size());
+    for (const uint32_t place : base_places_) places_[place].is_of_base = true;
+    for (const LeanLandmark& landmark : base.landmarks) {
+      ++places_[base_places_[landmark.anchor_idx]].of_base;
+    }
   }
 
   LeanMap Run(const std::vector<MergedLandmark>& same) && {
@@ -101,6 +109,7 @@ class Merger {
         Add(i);
       }
     }
+    MakeWay();
     std::sort(merged_.landmarks.begin(), merged_.landmarks.end(), kById);
     return std::move(merged_);
   }
@@ -161,6 +170,8 @@ class Merger {
     landmark.keyframe_idxs = PlacesOf(landmark);
     landmark.anchor_idx = drive_places_[landmark.anchor_idx];
     if (!keeps_anchor) landmark.anchor_level = AnchorLevel(landmark, drive_idx);
+    const size_t place = landmark.anchor_idx;
+    if (places_[place].is_of_base) ++places_[place].of_drive;
     merged_.landmarks.push_back(std::move(landmark));
   }
 
@@ -172,11 +183,79 @@ class Merger {
     std::set_union(kept.keyframe_idxs.begin(), kept.keyframe_idxs.end(), places.begin(),
                    places.end(), std::back_inserter(seen_by));
     kept.keyframe_idxs = std::move(seen_by);
+    kept.drive_count = static_cast<uint8_t>(std::min(255, kept.drive_count + 1));
+    ++places_[kept.anchor_idx].of_drive;
+    is_seen_again_.insert(kept.id);
+  }
+
+  /// Landmarks of the base that this drive did not see come first, then those that few drives saw.
+  bool GoesBefore(const LeanLandmark& a, const LeanLandmark& b) const {
+    const auto rank = [&](const LeanLandmark& landmark) {
+      return std::tuple(landmark.drive_count + (IsNew(landmark) || IsSeenAgain(landmark)),
+                        landmark.id);
+    };
+    return rank(a) < rank(b);
+  }
+  bool IsNew(const LeanLandmark& landmark) const { return !FindIdx(base_.landmarks, landmark.id); }
+  bool IsSeenAgain(const LeanLandmark& landmark) const {
+    return is_seen_again_.contains(landmark.id);
+  }
+
+  /// Where the base had keyframes: no more landmarks than before, or than some more than the drive
+  /// would hang there by itself.
+  void MakeWay() {
+    std::vector<std::vector<uint32_t>> hanging(merged_.keyframes.size());
+    for (uint32_t i = 0; i < merged_.landmarks.size(); ++i) {
+      hanging[merged_.landmarks[i].anchor_idx].push_back(i);
+    }
+    std::vector<bool> goes(merged_.landmarks.size(), false);
+    for (size_t k = 0; k < hanging.size(); ++k) {
+      if (places_[k].of_drive == 0) continue;
+      const auto of_drive = static_cast<double>(places_[k].of_drive);
+      const size_t budget = std::max(
+          places_[k].of_base, static_cast<size_t>(std::ceil(options_.max_growth * of_drive)));
+      if (hanging[k].size() > budget) Choose(hanging[k], budget, of_drive, goes);
+    }
+    size_t kept = 0;
+    for (size_t i = 0; i < merged_.landmarks.size(); ++i) {
+      if (goes[i]) continue;
+      if (kept < i) merged_.landmarks[kept] = std::move(merged_.landmarks[i]);
+      ++kept;
+    }
+    merged_.landmarks.resize(kept);
+  }
+
+  /// Of the landmarks that hang on one keyframe, those that go.
+  void Choose(std::vector<uint32_t>& hanging, size_t budget, double of_drive,
+              std::vector<bool>& goes) const {
+    std::sort(hanging.begin(), hanging.end(), [&](uint32_t a, uint32_t b) {
+      return GoesBefore(merged_.landmarks[a], merged_.landmarks[b]);
+    });
+    const auto sheltered = static_cast<size_t>(options_.min_new_share * of_drive);
+    size_t excess = hanging.size() - budget, new_ones = 0;
+    for (const uint32_t i : hanging) new_ones += IsNew(merged_.landmarks[i]);
+    for (const uint32_t i : hanging) {
+      if (excess == 0) break;
+      const bool is_new = IsNew(merged_.landmarks[i]);
+      if (is_new && new_ones <= sheltered) continue;
+      goes[i] = true;
+      new_ones -= is_new;
+      --excess;
+    }
   }
 
   const LeanMap &base_, &drive_;
   const ReconstructedMap& drive_map_;
+  const ApplyOptions& options_;
   LeanMap merged_;
+  /// What hangs on a merged keyframe.
+  struct Place {
+    bool is_of_base = false;
+    size_t of_base = 0;   ///< landmarks that the base had there
+    size_t of_drive = 0;  ///< that the drive has there, new ones and others
+  };
+  std::vector<Place> places_;
+  std::set<LandmarkId> is_seen_again_;
   /// Where the keyframes of both, or what stands for them, are among the merged ones.
   std::vector<uint32_t> base_places_, drive_places_;
 };

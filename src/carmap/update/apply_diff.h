@@ -1,8 +1,8 @@
 // What the base map becomes by what a drive proposes (paper §3.4, Algorithm A.1).
 //
-// The map grows with the road, not with the driving: what both saw becomes one landmark, and a
-// keyframe of the drive that stands where the base has one gives it what it saw and goes.
-// Pure, deterministic, thread-safe.
+// The map grows with the road, not with the driving: what both saw becomes one landmark, a keyframe
+// of the drive that stands where the base has one gives it what it saw and goes, and where there
+// are landmarks enough those that the fewest drives saw make way. Pure, deterministic, thread-safe.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -20,6 +20,10 @@ struct ApplyOptions {
   /// less than a lane.
   double same_place_m = 2.5, same_place_rad = 0.25;
   size_t max_landmarks = 2048;  ///< of a keyframe that takes others' in
+  /// Where the base has keyframes, landmarks that hang on one of them by those that a single drive
+  /// would hang there: what few drives saw makes way for what is new.
+  double max_growth = 1.5;
+  double min_new_share = 0.25;  ///< of a drive's own landmarks there, that find a place
   MeasurementNoise noise;
 };
 

@@ -65,7 +65,7 @@ absl::Status CheckFit(const SegmentFit& fit, const Strain& strain, size_t matche
         kStrainStretchM, strain.keyframe_idx, kStrainStretchM * strain.ratio,
         kStrainStretchM * options.max_strain));
   }
-  if (keyframes >= options.min_keyframes && inliers >= options.min_inliers &&
+  if (keyframes >= options.min_anchors && inliers >= options.min_inliers &&
       static_cast<double>(inliers) >= options.min_inlier_ratio * static_cast<double>(matches)) {
     return absl::OkStatus();
   }
@@ -73,7 +73,7 @@ absl::Status CheckFit(const SegmentFit& fit, const Strain& strain, size_t matche
       "the segment hardly overlaps the base map: {} keyframes and {} landmarks match, of which {} "
       "lie in one place; {} keyframes, {} landmarks and {:.0f} % in one place are needed; map "
       "further into road that the base map holds",
-      keyframes, matches, inliers, options.min_keyframes, options.min_inliers,
+      keyframes, matches, inliers, options.min_anchors, options.min_inliers,
       100 * options.min_inlier_ratio));
 }
 

@@ -21,6 +21,7 @@ struct FitOptions {
   OverlapOptions overlap;
   BendOptions bend;
   size_t min_keyframes = 3;       ///< of the segment, that must agree on where it lies
+  size_t min_anchors = 2;         ///< that then hold it
   size_t min_inliers = 30;        ///< landmarks of both maps that are the same
   double min_inlier_ratio = 0.3;  ///< of the matched landmarks
   /// Keyframes that the base's landmarks put elsewhere than the fit does, of all that see some.

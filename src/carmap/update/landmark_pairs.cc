@@ -81,12 +81,14 @@ Eigen::Matrix3d LandmarkCovariance(const ReconstructedMap& map, uint32_t landmar
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   DriveInformation drive;  // of the viewers, which come drive by drive
   DriveId drive_id = map.snapshot.keyframes[viewers.front()].id.drive;
+  int drives = 1;
   for (size_t i = 0; i < looked_at; ++i) {
     const uint32_t keyframe_idx = viewers[i * viewers.size() / looked_at];
     const SnapshotKeyframe& keyframe = map.snapshot.keyframes[keyframe_idx];
     if (keyframe.id.drive != drive_id) {
       information += std::exchange(drive, {}).Total();
       drive_id = keyframe.id.drive;
+      ++drives;
     }
     const Rigid3& map_from_camera = keyframe.map_from_camera;
     const Eigen::Vector3d p = map_from_camera.Inverse() * landmark.position_in_map;
@@ -99,6 +101,8 @@ Eigen::Matrix3d LandmarkCovariance(const ReconstructedMap& map, uint32_t landmar
     ++drive.views;
   }
   information += drive.Total();
+  // Drives whose keyframes the map does not keep saw it as well as those that it keeps.
+  information *= std::max(1.0, static_cast<double>(landmark.drive_count) / drives);
   information.diagonal().array() += kLeastInformation;
   return information.inverse();
 }

@@ -26,7 +26,7 @@ std::vector<LandmarkPair> MostFrequent(std::vector<LandmarkPair> matches, size_t
 
 /// Uncertainty of a landmark's position as its stereo views leave it: small across the line of
 /// sight, growing with the square of the distance along it. Views of one drive share its errors,
-/// drives do not.
+/// drives do not; all drives that saw it count, whether the map keeps their keyframes or not.
 Eigen::Matrix3d LandmarkCovariance(const ReconstructedMap& map, uint32_t landmark_idx,
                                    const MeasurementNoise& noise);
 

@@ -17,6 +17,8 @@ namespace {
 
 // Search windows grow with the error of the prediction, as it appears at a distance where most
 // landmarks are not nearer, up to so much.
+/// Way to an anchor where there is none.
+constexpr double kFarM = 1e9;
 constexpr double kNearM = 10, kMaxRadiusPx = 60;
 constexpr double kLocatedSlackM = 1.5, kLocatedSlackRad = 0.1;
 constexpr size_t kCovisibleLinks = 4;
@@ -73,8 +75,9 @@ class SegmentLinks {
 struct Prediction {
   uint32_t keyframe_idx = 0;
   Rigid3 base_from_camera;
-  double error_m = 0;        ///< at most
-  double searched_at_m = 0;  ///< the error at which it was last looked for in vain
+  double since_anchor_m = 0;  ///< way from the last anchor; from there the error grows
+  double error_m = 0;         ///< at most
+  double searched_at_m = 0;   ///< the error at which it was last looked for in vain
 
   /// The surest comes first.
   bool operator<(const Prediction& other) const {
@@ -98,14 +101,14 @@ class AnchorSearch {
     }
     std::vector<bool> is_placed(fit.base_from_camera.size(), false);
     std::priority_queue<Prediction> open;
-    open.push({start.keyframe_idx, start.base_from_camera, 0, 0});
+    open.push({start.keyframe_idx, start.base_from_camera, kFarM, 0, 0});
     while (!open.empty()) {
       Prediction next = open.top();
       open.pop();
       if (is_placed[next.keyframe_idx]) continue;
       is_placed[next.keyframe_idx] = true;
       if (auto anchor = Find(next)) {
-        next = {anchor->keyframe_idx, anchor->base_from_camera, 0, 0};
+        next = {anchor->keyframe_idx, anchor->base_from_camera, 0, 0, 0};
         fit.anchors.push_back(*std::move(anchor));
       }
       fit.base_from_camera[next.keyframe_idx] = next.base_from_camera;
@@ -171,11 +174,13 @@ class AnchorSearch {
     const double error_m = links_.IsLostBetween(from.keyframe_idx, to)
                                ? options_.step.lost_sigma_m
                                : options_.max_drift_ratio * step.translation.norm();
-    return {to, from.base_from_camera * step, from.error_m + error_m, from.searched_at_m};
+    return {to, from.base_from_camera * step, from.since_anchor_m + step.translation.norm(),
+            from.error_m + error_m, from.searched_at_m};
   }
 
   /// Near the prediction if that is sure enough, else anywhere that it allows.
   std::optional<AnchoredKeyframe> Find(Prediction& predicted) {
+    if (predicted.since_anchor_m < options_.anchor_spacing_m) return std::nullopt;
     const double fx = RigOf(segment_, predicted.keyframe_idx).camera.fx;
     if (predicted.error_m > options_.max_predicted_error_m) return FindAgain(predicted);
     const double radius_px = options_.tracking.first_radius_px + fx * predicted.error_m / kNearM;
@@ -256,14 +261,28 @@ void Bend(const ReconstructedMap& segment, const BendOptions& options, SegmentFi
   }
 }
 
-/// Looks where the bent segment puts them for keyframes that are no anchors yet or contradict it.
-void FindMoreAnchors(const AnchorSearch& search, const BendOptions& options, SegmentFit& fit) {
+/// Of each keyframe, the way along its drive to the nearest anchor; kFarM where there is none.
+std::vector<double> WaysToAnchors(const SegmentLinks& links, const SegmentFit& fit) {
+  const auto count = static_cast<uint32_t>(fit.base_from_camera.size());
+  std::vector<double> ways_m(count, kFarM);
+  for (const AnchoredKeyframe& anchor : fit.anchors) ways_m[anchor.keyframe_idx] = 0;
+  const auto shorten = [&](uint32_t from, uint32_t to) {
+    if (!links.AreInOneDrive(from, to)) return;
+    ways_m[to] = std::min(ways_m[to], ways_m[from] + links.Between(from, to).translation.norm());
+  };
+  for (uint32_t i = 1; i < count; ++i) shorten(i - 1, i);
+  for (uint32_t i = count; i-- > 1;) shorten(i, i - 1);
+  return ways_m;
+}
+
+/// Looks where the bent segment puts them for keyframes far from anchors or that contradict it.
+void FindMoreAnchors(const SegmentLinks& links, const AnchorSearch& search,
+                     const BendOptions& options, SegmentFit& fit) {
   std::erase_if(fit.anchors,
                 [&](const AnchoredKeyframe& anchor) { return anchor.weight < options.min_weight; });
-  std::vector<bool> is_anchor(fit.base_from_camera.size(), false);
-  for (const AnchoredKeyframe& anchor : fit.anchors) is_anchor[anchor.keyframe_idx] = true;
-  for (uint32_t i = 0; i < is_anchor.size(); ++i) {
-    if (is_anchor[i]) continue;
+  const std::vector<double> ways_m = WaysToAnchors(links, fit);
+  for (uint32_t i = 0; i < ways_m.size(); ++i) {
+    if (ways_m[i] < options.anchor_spacing_m) continue;
     auto anchor = search.FindNear(i, fit.base_from_camera[i], options.tracking.first_radius_px);
     if (anchor) fit.anchors.push_back(*std::move(anchor));
   }
@@ -277,7 +296,7 @@ SegmentFit FitSegment(const ReconstructedMap& base, const ReconstructedMap& segm
   AnchorSearch search(base, segment, options, locator);
   SegmentFit fit = search.Run(start);
   Bend(segment, options, fit);
-  FindMoreAnchors(search, options, fit);
+  FindMoreAnchors(SegmentLinks(segment), search, options, fit);
   Bend(segment, options, fit);
   std::sort(fit.anchors.begin(), fit.anchors.end(),
             [](const AnchoredKeyframe& a, const AnchoredKeyframe& b) {

@@ -27,6 +27,9 @@ struct BendOptions {
   TrackingOptions tracking{.min_inliers = 12};  ///< of an anchor
   NeighbourhoodOptions neighbourhood;
   size_t view_neighbours = 16;  ///< keyframes that show what a keyframe is anchored by (ViewFrom)
+  /// Nearer to an anchor, on the way that its drive took, a keyframe is none: it would see the
+  /// same.
+  double anchor_spacing_m = 1.8;
   double min_sigma_m = 0.05, min_sigma_rad = 0.002;  ///< of an anchor, whatever its landmarks say
   StepNoise step;                                    ///< of the segment's own steps
   /// How far a keyframe may be from where its neighbour's pose in the base puts it: so much of the

@@ -24,13 +24,19 @@ double DistanceBetween(const UncertainPose& a, const UncertainPose& b) {
 
 }  // namespace
 
-BaseTracker::BaseTracker(const ReconstructedMap& base, const StereoRig& rig,
+BaseTracker::BaseTracker(std::shared_ptr<const ReconstructedMap> base, const StereoRig& rig,
                          std::shared_ptr<const Vocabulary> vocabulary,
                          const BaseTrackerOptions& options)
-    : base_(base),
-      rig_(rig),
-      options_(options),
-      search_(base, std::move(vocabulary), options.search) {}
+    : rig_(rig), vocabulary_(std::move(vocabulary)), options_(options) {
+  Swap(std::move(base));
+}
+
+void BaseTracker::Swap(std::shared_ptr<const ReconstructedMap> base) {
+  search_.reset();  // before the map that it searches
+  base_ = std::move(base);
+  search_.emplace(*base_, vocabulary_, options_.search);
+  neighbourhood_.clear();
+}
 
 VehiclePose BaseTracker::Take(const ExtractedFrame& frame, const TrackedFrame& own) {
   const std::optional<Step> step = StepOf(frame, own);
@@ -113,7 +119,7 @@ const std::vector<uint32_t>& BaseTracker::LandmarksNear(const Rigid3& base_from_
   if (neighbourhood_.empty() || moved.translation.norm() > kNeighbourhoodM ||
       RotationAngle(moved.rotation) > kNeighbourhoodRad) {
     neighbourhood_center_ = base_from_camera;
-    neighbourhood_ = LandmarksAround(base_, base_from_camera, options_.neighbourhood);
+    neighbourhood_ = LandmarksAround(*base_, base_from_camera, options_.neighbourhood);
   }
   return neighbourhood_;
 }
@@ -121,9 +127,9 @@ const std::vector<uint32_t>& BaseTracker::LandmarksNear(const Rigid3& base_from_
 SeenLandmarks BaseTracker::See(const FeatureGrid& grid, const Rigid3& camera_from_base,
                                const std::vector<LandmarkMatch>& matches) const {
   SeenLandmarks seen;
-  seen.measurements = MeasurementsOf(base_.snapshot, grid.features(), rig_, matches);
+  seen.measurements = MeasurementsOf(base_->snapshot, grid.features(), rig_, matches);
   for (size_t i = 0; i < matches.size(); ++i) {
-    const LandmarkShift shift = ShiftOf(base_.snapshot.landmarks[matches[i].landmark_idx], rig_,
+    const LandmarkShift shift = ShiftOf(base_->snapshot.landmarks[matches[i].landmark_idx], rig_,
                                         camera_from_base, options_.window.noise);
     seen.common_shift_px.push_back(options_.common_disparity_px * shift.along);
     seen.measurements[i].landmark_sigma_px = shift.sigma_px;
@@ -135,7 +141,7 @@ PoseEstimate BaseTracker::MatchAndRefine(const FeatureGrid& grid, const Uncertai
                                          const Rigid3& camera_from_base, double position_radius_m,
                                          double radius_px, Observation& observation) {
   const std::vector<LandmarkMatch> matches = MatchByProjection(
-      base_.snapshot, LandmarksNear(camera_from_base.Inverse()), grid, rig_, camera_from_base,
+      base_->snapshot, LandmarksNear(camera_from_base.Inverse()), grid, rig_, camera_from_base,
       {.radius_px = radius_px, .position_radius_m = position_radius_m});
   observation = {See(grid, camera_from_base, matches), matches};
   return RefinePose(rig_, options_.window.noise, observation.landmarks.measurements,
@@ -188,7 +194,7 @@ void BaseTracker::FollowHypotheses(const FeatureGrid& grid, const Step& step) {
   std::vector<Hypothesis> followed;
   for (Hypothesis& hypothesis : hypotheses_) {
     hypothesis.pose = AfterMotion(hypothesis.pose, step.motion, step.covariance);
-    const auto found = TrackAround(base_, grid, rig_, hypothesis.pose.camera_from_base,
+    const auto found = TrackAround(*base_, grid, rig_, hypothesis.pose.camera_from_base,
                                    options_.search.tracking, options_.neighbourhood);
     if (!found && !hypothesis.is_seen) continue;  // twice in a row
     hypothesis.is_seen = found.has_value();
@@ -205,7 +211,7 @@ void BaseTracker::FollowHypotheses(const FeatureGrid& grid, const Step& step) {
 }
 
 void BaseTracker::SearchPlaces(const FeatureGrid& grid, const std::optional<GpsFix>& gps) {
-  for (PlaceHypothesis& place : search_.Search(grid, rig_, gps)) {
+  for (PlaceHypothesis& place : search_->Search(grid, rig_, gps)) {
     const UncertainPose pose{place.camera_from_map, WithSharedErrors(place.covariance)};
     if (IsFollowed(hypotheses_, pose) || hypotheses_.size() == options_.max_hypotheses) continue;
     const size_t inliers = place.inliers.size();

@@ -3,8 +3,8 @@
 //
 // A frame in which no base landmark is seen still has a pose, with a covariance that says how far
 // dead reckoning has come. A vehicle that does not know where it is looks for places and believes
-// in one that frame after frame agrees with its own motion. Owned by one thread; the map is shared
-// and must outlive it. Deterministic.
+// in one that frame after frame agrees with its own motion. Owned by one thread; the map is shared.
+// Deterministic.
 #pragma once
 
 #include <cstddef>
@@ -78,8 +78,12 @@ class BaseTracker {
   /// that of the frames (TrackedFrame), which learn it on the way: a rig of the same calibration
   /// that mapped may have another. The vocabulary, by whose words places are looked for, must not
   /// be null.
-  BaseTracker(const ReconstructedMap& base, const StereoRig& rig,
+  BaseTracker(std::shared_ptr<const ReconstructedMap> base, const StereoRig& rig,
               std::shared_ptr<const Vocabulary> vocabulary, const BaseTrackerOptions& options = {});
+
+  /// From the next frame on the base is this one, in the same frame: other tiles of it, or newer
+  /// ones. The pose stays, so that no frame is lost.
+  void Swap(std::shared_ptr<const ReconstructedMap> base);
 
   /// Frames in the order of time; `own` is what the drive's own map made of it.
   VehiclePose Take(const ExtractedFrame& frame, const TrackedFrame& own);
@@ -120,10 +124,11 @@ class BaseTracker {
   void Believe(const Hypothesis& hypothesis, Observation& seen);
   VehiclePose Report(const Step& step, Observation seen);
 
-  const ReconstructedMap& base_;
+  std::shared_ptr<const ReconstructedMap> base_;
   StereoRig rig_;  ///< with the bias of the newest frame
+  const std::shared_ptr<const Vocabulary> vocabulary_;
   const BaseTrackerOptions options_;
-  PlaceSearch search_;
+  std::optional<PlaceSearch> search_;  ///< in the base; never empty
   std::optional<WindowEstimator> window_;
   std::vector<Hypothesis> hypotheses_;
   double dead_reckoned_m_ = 0;

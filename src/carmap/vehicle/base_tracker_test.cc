@@ -21,7 +21,7 @@ class TestVehicle {
  public:
   TestVehicle(const ReconstructedMap& map, const StereoRig& rig, double start_s = 0)
       : rig_(rig),
-        tracker_(map, {rig.camera, rig.baseline_m},
+        tracker_({std::shared_ptr<const void>(), &map}, {rig.camera, rig.baseline_m},
                  {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()}),
         time_s_(start_s) {}
 
@@ -39,6 +39,7 @@ class TestVehicle {
     last_tracked_->second = world_from_camera;
     return Drive(street, world_from_camera);
   }
+  void Swap(const ReconstructedMap& map) { tracker_.Swap({std::shared_ptr<const void>(), &map}); }
   /// Its images show nothing.
   VehiclePose DriveBlind(const Rigid3& world_from_camera) {
     return Take(world_from_camera, {}, /*tracks_itself=*/false);
@@ -107,6 +108,22 @@ TEST_F(BaseTrackerTest, KnowsADriveInTheNextLaneByTheMap) {
     ++n;
   }
   EXPECT_GT(within, 0.85 * n);
+}
+
+// As tiles come and go around the vehicle.
+TEST_F(BaseTrackerTest, LosesNoFrameWhenTheMapIsSwapped) {
+  const ReconstructedMap south =
+      Reconstruct(MapStreet(street_, {5}, kStreetRig, DriveAlong(0, 0, 60), kMapFromWorld, kNoise));
+  const ReconstructedMap north = Reconstruct(
+      MapStreet(street_, {6}, kStreetRig, DriveAlong(0, 40, 110), kMapFromWorld, kNoise));
+  TestVehicle vehicle(south, kStreetRig);
+  for (const Rigid3& world_from_camera : DriveAlong(1, 3, 100, 1.1)) {
+    const double z_m = world_from_camera.translation.z();
+    if (z_m > 50) vehicle.Swap(north);
+    const VehiclePose pose = vehicle.Drive(street_, world_from_camera);
+    ASSERT_EQ(pose.known_by, KnownBy::kMap) << z_m;
+    EXPECT_LT(PositionError(pose, world_from_camera), 0.15) << z_m;
+  }
 }
 
 TEST_F(BaseTrackerTest, DeadReckonsWhereNothingOfTheMapIsSeen) {

@@ -1,0 +1,432 @@
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <CLI/App.hpp>
+#include <CLI/Validators.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "apps/carmap/base_picture.h"
+#include "apps/carmap/commands.h"
+#include "apps/carmap/outputs.h"
+#include "apps/carmap/reports.h"
+#include "carmap/base/file.h"
+#include "carmap/base/progress.h"
+#include "carmap/base/status_macros.h"
+#include "carmap/base/stopwatch.h"
+#include "carmap/format/lean_codec.h"
+#include "carmap/ingest/base_map.h"
+#include "carmap/ingest/changes.h"
+#include "carmap/ingest/contribute.h"
+#include "carmap/ingest/explain.h"
+#include "carmap/ingest/journal.h"
+#include "carmap/ingest/revert.h"
+#include "carmap/ingest/verify.h"
+
+namespace carmap {
+namespace {
+
+struct Arguments {
+  std::string base, out, report, picture, drive, what;
+  std::vector<std::string> segments;
+  std::optional<uint32_t> component;
+  bool accept_suspect = false, json = false, repair = false;
+};
+
+using Run = absl::StatusOr<ExitCode> (*)(const Arguments&);
+
+absl::StatusOr<ExitCode> Init(const Arguments& arguments) {
+  CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Create(arguments.base));
+  fmt::print("base          {}, empty; `carmap base add {} SEGMENT.cmap` fills it\n",
+             arguments.base, arguments.base);
+  return kSuccess;
+}
+
+// Adding.
+
+struct Added {
+  Contribution contribution;
+  double wall_s = 0;
+};
+
+absl::StatusOr<Added> AddSegment(const std::string& path, const Arguments& arguments,
+                                 BaseMap& base) {
+  const Stopwatch watch;
+  CARMAP_ASSIGN_OR_RETURN(const LeanMap segment, ReadLeanMap(path));
+  ContributeOptions options;
+  options.accept_suspect = arguments.accept_suspect;
+  auto made = Contribute(segment, NameOf(path), base, options);
+  if (!made.ok()) return WithName(path, made.status());
+  return Added{*std::move(made), watch.ElapsedMs() * 1e-3};
+}
+
+void PrintAdded(const std::string& path, const Added& added) {
+  const Contribution& made = added.contribution;
+  std::string where = fmt::format("component {}", made.component);
+  if (made.is_new_component) where += ", new: it touches nothing that was there";
+  if (!made.joined.empty()) {
+    where += fmt::format(", to which it joins {}", fmt::join(made.joined, ", "));
+  }
+  fmt::print("added         {}: {}; {:.2f} s\n", path, where, added.wall_s);
+  if (made.fit) {
+    const FitReport& fit = *made.fit;
+    fmt::print(
+        "  fit         {} overlap, {:.2f} m (median) from where the base's landmarks put them; "
+        "lengths times {:.4f}, bent by {:.1f} % at most\n",
+        Count(fit.segment_keyframes_overlapping, "keyframe"), fit.median_misfit_m, fit.scale,
+        100 * fit.largest_strain);
+  }
+  fmt::print("  new         {} of {}, {} of {}\n", made.keyframes_added,
+             Count(made.keyframes, "keyframe"), made.landmarks_added,
+             Count(made.landmarks, "landmark"));
+  fmt::print("  tiles       {} changed; patches of {}\n", made.tiles.size(),
+             BytesText(static_cast<double>(made.patch_bytes)));
+}
+
+nlohmann::ordered_json ToJson(const std::string& path, const Added& added) {
+  const Contribution& made = added.contribution;
+  nlohmann::ordered_json json = {{"segment", path},
+                                 {"drives", nlohmann::ordered_json::array()},
+                                 {"component", made.component},
+                                 {"is_new_component", made.is_new_component},
+                                 {"joined_components", made.joined},
+                                 {"keyframes", made.keyframes},
+                                 {"keyframes_added", made.keyframes_added},
+                                 {"landmarks", made.landmarks},
+                                 {"landmarks_added", made.landmarks_added},
+                                 {"tiles_changed", made.tiles.size()},
+                                 {"patch_bytes", made.patch_bytes},
+                                 {"journal_entry", made.sequence},
+                                 {"wall_s", added.wall_s}};
+  for (const DriveId& drive : made.drives) json["drives"].push_back(ToHex(drive));
+  if (made.fit) json["fit"] = ToJson(*made.fit);
+  return json;
+}
+
+/// Each segment by itself: one that is refused costs none of the others.
+absl::StatusOr<ExitCode> Add(const Arguments& arguments) {
+  std::vector<std::string> inputs = arguments.segments;
+  inputs.push_back(arguments.base);
+  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.report, arguments.picture}, inputs));
+  CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadWrite));
+  nlohmann::ordered_json report = {{"added", nlohmann::ordered_json::array()},
+                                   {"refused", nlohmann::ordered_json::array()}};
+  std::vector<DriveId> drives;
+  Progress progress("adding", arguments.segments.size());
+  for (const std::string& path : arguments.segments) {
+    const auto added = AddSegment(path, arguments, *base);
+    if (added.ok()) {
+      PrintAdded(path, *added);
+      std::fflush(stdout);  // it is in the base, whatever happens to this process
+      report["added"].push_back(ToJson(path, *added));
+      drives.insert(drives.end(), added->contribution.drives.begin(),
+                    added->contribution.drives.end());
+    } else {
+      PrintProblem(std::string(added.status().message()));
+      report["refused"].push_back(
+          {{"segment", path}, {"reason", std::string(added.status().message())}});
+    }
+    if (arguments.segments.size() > 1) {
+      progress.Update(report["added"].size() + report["refused"].size());
+    }
+  }
+  report["peak_rss_mb"] = PeakMemoryMb();
+  OutputFiles files;
+  files.Write(arguments.report, [&] { return WriteReport(arguments.report, report); });
+  files.Write(arguments.picture,
+              [&] { return WriteBasePicture(arguments.picture, *base, {}, drives); });
+  const bool is_written = files.Finish();
+  if (report["added"].empty()) return kError;
+  return is_written && report["refused"].empty() ? kSuccess : kIncomplete;
+}
+
+// Looking.
+
+struct ComponentSize {
+  Component component;
+  size_t tiles = 0, keyframes = 0, landmarks = 0;
+  std::set<DriveId> drives;
+  double path_m = 0;
+  uint64_t bytes = 0;
+};
+
+absl::StatusOr<std::vector<ComponentSize>> Measure(const BaseMap& base) {
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, base.Components());
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base.reader().ListTiles());
+  std::vector<ComponentSize> sizes;
+  for (const Component& component : components) {
+    ComponentSize& size = sizes.emplace_back(ComponentSize{.component = component});
+    for (const TileVersion& version : tiles) {
+      if (version.tile.component != component.id || version.is_removed) continue;
+      CARMAP_ASSIGN_OR_RETURN(const auto stored, base.reader().ReadTile(version.tile));
+      CARMAP_ASSIGN_OR_RETURN(const auto tile, base.Read(version.tile));
+      ++size.tiles;
+      size.bytes += stored->bytes.size();
+      size.landmarks += tile->map.landmarks.size();
+      size.path_m += PathLengthM(tile->map);
+      for (const LeanKeyframe& keyframe : tile->map.keyframes) size.keyframes += !keyframe.is_stub;
+      for (const LeanDrive& drive : tile->map.drives) size.drives.insert(drive.id);
+    }
+  }
+  return sizes;
+}
+
+nlohmann::ordered_json ToJson(const ComponentSize& size) {
+  return {{"component", size.component.id},    {"on_earth", size.component.grid.is_on_earth},
+          {"sigma_m", size.component.sigma_m}, {"tiles", size.tiles},
+          {"keyframes", size.keyframes},       {"landmarks", size.landmarks},
+          {"drives", size.drives.size()},      {"bytes", size.bytes}};
+}
+
+absl::StatusOr<ExitCode> Info(const Arguments& arguments) {
+  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.picture}, {arguments.base}));
+  CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadOnly));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<ComponentSize> sizes, Measure(*base));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> log, ReadLog(base->reader()));
+  if (arguments.json) {
+    nlohmann::ordered_json json = {{"journal_entries", log.size()},
+                                   {"cell_level", base->cell_level()},
+                                   {"components", nlohmann::ordered_json::array()}};
+    for (const ComponentSize& size : sizes) json["components"].push_back(ToJson(size));
+    fmt::print("{}", JsonText(json));
+  } else {
+    fmt::print("base          {}, {}, {} in the journal\n", arguments.base,
+               Count(sizes.size(), "component"), log.size());
+    for (const ComponentSize& size : sizes) {
+      fmt::print("component {:<4}{}: {}, {}, {}, {}, {}\n", size.component.id,
+                 size.component.grid.is_on_earth ? "on the Earth" : "without GPS",
+                 Count(size.drives.size(), "drive"), Count(size.tiles, "tile"),
+                 Count(size.keyframes, "keyframe"), Count(size.landmarks, "landmark"),
+                 BytesText(static_cast<double>(size.bytes)));
+    }
+  }
+  OutputFiles files;
+  files.Write(arguments.picture,
+              [&] { return WriteBasePicture(arguments.picture, *base, arguments.component, {}); });
+  return files.Finish() ? kSuccess : kIncomplete;
+}
+
+absl::StatusOr<ExitCode> Log(const Arguments& arguments) {
+  CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadOnly));
+  if (arguments.json) {
+    auto json = nlohmann::ordered_json::array();
+    for (uint64_t first = 1;; first = json.size() + 1) {
+      CARMAP_ASSIGN_OR_RETURN(const auto entries, base->reader().ReadJournal(first, 256));
+      for (const JournalEntry& entry : entries) {
+        auto parsed = nlohmann::ordered_json::parse(entry.text, nullptr, false);
+        json.push_back({{"entry", entry.sequence}, {"change", std::move(parsed)}});
+      }
+      if (entries.empty()) break;
+    }
+    fmt::print("{}", JsonText(json));
+    return kSuccess;
+  }
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> log, ReadLog(base->reader()));
+  for (const LoggedChange& change : log) {
+    fmt::print("{:>6}  {}  {:<7}component {}, {}: {}", change.sequence, change.time, change.kind,
+               change.component, Count(change.tiles.size(), "tile"), change.name);
+    if (change.kind == "add") {
+      fmt::print(", {} and {} new", Count(change.keyframes_added, "keyframe"),
+                 Count(change.landmarks_added, "landmark"));
+    }
+    fmt::print("\n");
+    for (const std::string& drive : change.drives) fmt::print("        drive {}\n", drive);
+  }
+  if (log.empty()) fmt::print("nothing was added to {} yet\n", arguments.base);
+  return kSuccess;
+}
+
+absl::StatusOr<ExitCode> Verify(const Arguments& arguments) {
+  CARMAP_ASSIGN_OR_RETURN(const auto base,
+                          BaseMap::Open(arguments.base, arguments.repair ? StoreAccess::kReadWrite
+                                                                         : StoreAccess::kReadOnly));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base->reader().ListTiles());
+  Progress progress("verifying", tiles.size());
+  CARMAP_ASSIGN_OR_RETURN(
+      const Verification found,
+      carmap::Verify(*base, arguments.repair, [&](size_t done) { progress.Update(done); }));
+  fmt::print(
+      "verified      {}, {}, {}; {} and {} in the journal\n", Count(found.tiles, "tile"),
+      Count(found.keyframes, "keyframe"), Count(found.landmarks, "landmark"),
+      found.patches == 1 ? "1 patch" : fmt::format("{} patches", found.patches),
+      found.journal_entries == 1 ? "1 entry" : fmt::format("{} entries", found.journal_entries));
+  if (found.repaired > 0) {
+    fmt::print("repaired      {}, from its patches\n", Count(found.repaired, "tile"));
+  }
+  for (const std::string& problem : found.problems) {
+    PrintProblem(fmt::format("{}: {}", arguments.base, problem));
+  }
+  if (found.problems.empty()) return kSuccess;
+  if (!arguments.repair) {
+    PrintProblem(
+        fmt::format("{}: damaged; `carmap base verify {} --repair` makes anew what its "
+                    "history still tells",
+                    arguments.base, arguments.base));
+  }
+  return kError;
+}
+
+absl::StatusOr<ExitCode> Export(const Arguments& arguments) {
+  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out}, {arguments.base}));
+  CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadOnly));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<ComponentSize> sizes, Measure(*base));
+  const auto chosen =
+      arguments.component
+          ? std::find_if(sizes.begin(), sizes.end(),
+                         [&](const auto& s) { return s.component.id == *arguments.component; })
+          : std::max_element(sizes.begin(), sizes.end(), [](const auto& a, const auto& b) {
+              return a.landmarks < b.landmarks;
+            });
+  if (chosen == sizes.end()) {
+    return absl::NotFoundError(
+        fmt::format("{}: has no such component; `carmap base info {}` lists them", arguments.base,
+                    arguments.base));
+  }
+  CARMAP_ASSIGN_OR_RETURN(const MapView view, WholeComponent(*base, chosen->component));
+  CARMAP_ASSIGN_OR_RETURN(const std::string bytes, EncodeLeanMap(view.map()));
+  CARMAP_RETURN_IF_ERROR(WriteFileAtomically(arguments.out, bytes));
+  fmt::print("exported      component {} to {}: {}, {}, {}\n", chosen->component.id, arguments.out,
+             Count(view.map().keyframes.size(), "keyframe"),
+             Count(view.map().landmarks.size(), "landmark"),
+             BytesText(static_cast<double>(bytes.size())));
+  if (!arguments.component && sizes.size() > 1) {
+    fmt::print("  the largest of {} components; --component chooses another\n", sizes.size());
+  }
+  return kSuccess;
+}
+
+absl::StatusOr<ExitCode> Revert(const Arguments& arguments) {
+  CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadWrite));
+  CARMAP_ASSIGN_OR_RETURN(const Reversion made, carmap::Revert(arguments.drive, *base));
+  fmt::print("reverted      {}: {} and {} removed, {} as before; {} changed\n", made.name,
+             Count(made.keyframes_removed, "keyframe"), Count(made.landmarks_removed, "landmark"),
+             Count(made.landmarks_restored, "landmark"), Count(made.tiles.size(), "tile"));
+  return kSuccess;
+}
+
+absl::StatusOr<ExitCode> Explain(const Arguments& arguments) {
+  CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadOnly));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<std::string> lines,
+                          carmap::Explain(arguments.what, *base));
+  for (const std::string& line : lines) fmt::print("{}\n", line);
+  return kSuccess;
+}
+
+// The command line.
+
+CLI::App* AddAction(CLI::App& base, const char* name, const char* what, Run run,
+                    const std::shared_ptr<Arguments>& arguments, Command& chosen) {
+  CLI::App* action = base.add_subcommand(name, what);
+  action->add_option("BASE", arguments->base, "Folder of the base map")->required();
+  action->callback(
+      [arguments, run, &chosen] { chosen = [arguments, run] { return run(*arguments); }; });
+  return action;
+}
+
+constexpr const char* kFooter =
+    R"(A base is a folder that holds the map of many drives: in tiles, with the history of each. Segments are
+fitted to what is there; what touches nothing becomes a component of its own until a drive connects
+the two. Each command reads and writes only the tiles that it needs. Nothing that a command reported
+as added is lost, whatever happens to the machine. One command at a time may change a base; others
+may look at it meanwhile.
+
+Example:
+  carmap base init town.base
+  carmap base add town.base monday.cmap tuesday.cmap
+  carmap base info town.base --picture town.png
+  carmap localize wednesday --map town.base
+
+`carmap base COMMAND --help` explains each.)";
+
+}  // namespace
+
+void AddBaseCommand(CLI::App& app, Command& chosen) {
+  CLI::App* base = app.add_subcommand("base", "Keep a base map that grows with each drive");
+  base->require_subcommand(1);
+  base->footer(kFooter);
+  const auto arguments = std::make_shared<Arguments>();
+
+  AddAction(*base, "init", "Make an empty base", Init, arguments, chosen)
+      ->footer(
+          "The folder must not be there yet, or be empty.\n\n"
+          "Exit codes: 0 done, 1 error, 2 wrong usage");
+
+  CLI::App* add = AddAction(*base, "add", "Add segments", Add, arguments, chosen);
+  add->add_option("SEGMENT", arguments->segments, "Maps of drives (.cmap)")->required();
+  add->add_flag("--accept-suspect", arguments->accept_suspect,
+                "Take also maps of drives that `carmap map` called suspect");
+  add->add_option("--report", arguments->report, "Write what became of each as JSON (m, bytes, s)")
+      ->type_name("R.json");
+  add->add_option("--picture", arguments->picture, "Draw the base from above, with what was added")
+      ->type_name("P.png");
+  add->footer(
+      R"(Each segment is added whole or not at all, one after the other; one that is refused costs none of the
+others. Its place is looked for by its GPS fixes, without them by what its keyframes see. The base's
+keyframes stay and the segment bends to them; what both saw is kept once; keyframes are added only
+where the base has none. A segment that contradicts the base, that fits in two places, or whose
+drive is suspect, is refused with the reason.
+
+Exit codes: 0 done, 1 nothing was added, 2 wrong usage, 3 some were added but not all, or a file could
+not be written)");
+
+  CLI::App* info = AddAction(*base, "info", "Say what a base holds", Info, arguments, chosen);
+  info->add_flag("--json", arguments->json, "Print JSON");
+  info->add_option("--component", arguments->component, "Draw this one (default: the largest)")
+      ->type_name("N");
+  info->add_option("--picture", arguments->picture, "Draw a component from above, with its tiles")
+      ->type_name("P.png");
+  info->footer("Exit codes: 0 done, 1 error, 2 wrong usage, 3 the picture could not be written");
+
+  CLI::App* log = AddAction(*base, "log", "Tell who changed what, when", Log, arguments, chosen);
+  log->add_flag("--json", arguments->json, "Print JSON, with all tiles and versions");
+  log->footer("Exit codes: 0 done, 1 error, 2 wrong usage");
+
+  CLI::App* verify =
+      AddAction(*base, "verify", "Check a base, tile by tile", Verify, arguments, chosen);
+  verify->add_flag("--repair", arguments->repair,
+                   "Make damaged tiles anew, where their history is whole");
+  verify->footer(
+      R"(Reads every tile and every patch: a tile must be readable, consistent, and what its patches made it.
+
+Exit codes: 0 sound (or all repaired), 1 damaged, or an error, 2 wrong usage)");
+
+  CLI::App* export_ =
+      AddAction(*base, "export", "Write a component as one map file", Export, arguments, chosen);
+  export_->add_option("--out", arguments->out, "The map to write")->required()->type_name("M.cmap");
+  export_->add_option("--component", arguments->component, "Which (default: the largest)")
+      ->type_name("N");
+  export_->footer(
+      "The map's frame has its origin at a tile's centre: x east, y down, z north, metres.\n\n"
+      "Exit codes: 0 done, 1 error, 2 wrong usage");
+
+  CLI::App* revert =
+      AddAction(*base, "revert", "Take a contribution back", Revert, arguments, chosen);
+  revert
+      ->add_option("DRIVE", arguments->drive, "Its drive: first digits of the id that `log` tells")
+      ->required();
+  revert->footer(
+      R"(What nobody touched since becomes what it was before, to the last bit. Of what others changed later
+only the drive's own keyframes and landmarks go. The history keeps both steps.
+
+Exit codes: 0 done, 1 error (nothing is changed), 2 wrong usage)");
+
+  CLI::App* explain = AddAction(*base, "explain", "Tell the history of a landmark or a place",
+                                Explain, arguments, chosen);
+  explain
+      ->add_option(
+          "WHAT", arguments->what,
+          "A landmark, DRIVE:INDEX, or a place on the Earth, LATITUDE,LONGITUDE in degrees")
+      ->required();
+  explain->footer(
+      "Example:\n  carmap base explain town.base 49.0123,8.4321\n\n"
+      "Exit codes: 0 done, 1 error, 2 wrong usage");
+}
+
+}  // namespace carmap

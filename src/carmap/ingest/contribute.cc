@@ -1,0 +1,299 @@
+#include "carmap/ingest/contribute.h"
+
+#include <absl/time/clock.h>
+#include <absl/time/time.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <utility>
+
+#include "carmap/base/status_macros.h"
+#include "carmap/feature/default_vocabulary.h"
+#include "carmap/ingest/candidate_tiles.h"
+#include "carmap/ingest/changes.h"
+#include "carmap/ingest/journal.h"
+
+namespace carmap {
+namespace {
+
+/// `part` is absent for a whole drive.
+absl::Status Admit(const LeanMap& segment, std::optional<uint32_t> part, const BaseMap& base,
+                   const ContributeOptions& options) {
+  CARMAP_RETURN_IF_ERROR(CheckConsistency(segment));
+  if (segment.landmarks.empty()) {
+    return absl::InvalidArgumentError("the map has no landmarks; map a longer drive");
+  }
+  for (const LeanDrive& drive : segment.drives) {
+    if (drive.faults.any() && !options.accept_suspect) {
+      return absl::FailedPreconditionError(fmt::format(
+          "its drive {} is suspect: {}; mend the drive and map it again, or take it as it is with "
+          "--accept-suspect",
+          ToHex(drive.id), NamesOf(drive.faults)));
+    }
+    CARMAP_ASSIGN_OR_RETURN(const auto whole, base.reader().ReadContribution(KeyOf(drive.id)));
+    if (whole) {
+      return absl::AlreadyExistsError(
+          fmt::format("its drive {} is in the base already", ToHex(drive.id)));
+    }
+    if (!part) continue;
+    CARMAP_ASSIGN_OR_RETURN(const auto same,
+                            base.reader().ReadContribution(KeyOf(drive.id, *part)));
+    if (same) {
+      return absl::AlreadyExistsError(
+          fmt::format("part {} of its drive {} is in the base already", *part, ToHex(drive.id)));
+    }
+  }
+  return absl::OkStatus();
+}
+
+/// The segment in the frame of a view of the component.
+struct Placed {
+  MapView view;
+  FittedSegment fitted;
+};
+
+std::vector<Eigen::Vector3d> PlacesInRoot(const LeanMap& map, const Rigid3& root_from_map) {
+  constexpr double kSpacingM = 20;
+  std::vector<Eigen::Vector3d> places;
+  for (const LeanKeyframe& keyframe : map.keyframes) {
+    const Eigen::Vector3d place = root_from_map * keyframe.map_from_camera.translation;
+    if (places.empty() || (place - places.back()).norm() >= kSpacingM) places.push_back(place);
+  }
+  return places;
+}
+
+/// Fits the segment to these tiles, and then to all tiles along the way that this tells.
+absl::StatusOr<Placed> Place(const LeanMap& segment, const CandidateTiles& candidate,
+                             const Changes& changes, const BaseMap& base,
+                             const ContributeOptions& options) {
+  constexpr int kMaxViews = 4;
+  const uint64_t frame_cell = candidate.tiles.front().cell;
+  std::vector<TileId> tiles = candidate.tiles;
+  for (int i = 0;; ++i) {
+    CARMAP_ASSIGN_OR_RETURN(MapView view, changes.View(candidate.component, frame_cell, tiles));
+    CARMAP_ASSIGN_OR_RETURN(FittedSegment fitted, Fit(view.map(), segment, options.fit));
+    CARMAP_ASSIGN_OR_RETURN(
+        const std::vector<TileId> along,
+        TilesNear(base.reader(), candidate.component,
+                  PlacesInRoot(fitted.diff.drive, view.root_from_view()), options.radius_m));
+    std::vector<TileId> all;
+    std::set_union(tiles.begin(), tiles.end(), along.begin(), along.end(), std::back_inserter(all));
+    if (all == tiles || i + 1 == kMaxViews) return Placed{std::move(view), std::move(fitted)};
+    tiles = std::move(all);
+  }
+}
+
+/// A component that is this map alone: where its fixes say, or on a grid of its own.
+struct NewComponent {
+  Component component;
+  MapView view;  ///< has no tiles
+  LeanMap map;   ///< in its frame
+};
+
+NewComponent MakeComponent(const LeanMap& segment, uint32_t id, int cell_level,
+                           const GpsOptions& options) {
+  Component component{.id = id, .grid = {.is_on_earth = false, .level = cell_level}};
+  Rigid3 root_from_segment;
+  if (const auto georeference = GeoreferenceOf(segment, options)) {
+    component.grid.is_on_earth = true;
+    component.sigma_m = options.sigma_m;
+    root_from_segment = EcefFromEnu(georeference->origin) * georeference->enu_from_map;
+  }
+  const Eigen::Vector3d first =
+      root_from_segment * segment.keyframes.front().map_from_camera.translation;
+  MapView view(component.grid, CellAt(component.grid, first), {});
+  LeanMap map = Moved(segment, view.root_from_view().Inverse() * root_from_segment);
+  return {component, std::move(view), std::move(map)};
+}
+
+/// All tiles of a component, removed ones too.
+absl::StatusOr<std::vector<TileId>> TilesOf(uint32_t component, const MapReader& reader) {
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> all, reader.ListTiles());
+  std::vector<TileId> tiles;
+  for (const TileVersion& tile : all) {
+    if (tile.tile.component == component && !tile.is_removed) tiles.push_back(tile.tile);
+  }
+  return tiles;
+}
+
+class Contributor {
+ public:
+  Contributor(const LeanMap& segment, BaseMap& base, const ContributeOptions& options)
+      : segment_(segment), base_(base), options_(options), changes_(base) {}
+
+  /// A segment, which is to be fitted.
+  absl::StatusOr<Contribution> Run(const std::string& name) {
+    Begin(name);
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<CandidateTiles> candidates, Candidates());
+    for (const CandidateTiles& candidate : candidates) {
+      CARMAP_RETURN_IF_ERROR(made_.fit ? Join(candidate) : FitTo(candidate));
+    }
+    if (!made_.fit) CARMAP_RETURN_IF_ERROR(BeginComponent());
+    return CommitAll();
+  }
+
+  /// A diff, of which the segment is the drive's part.
+  absl::StatusOr<Contribution> RunDiff(const std::string& name, const MapDiff& diff) {
+    Begin(name);
+    part_ = diff.part;
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, base_.Components());
+    const auto component =
+        std::find_if(components.begin(), components.end(),
+                     [&](const Component& c) { return c.id == diff.frame.component; });
+    if (component == components.end() || !IsCell(component->grid, diff.frame.cell)) {
+      return absl::FailedPreconditionError(
+          fmt::format("its frame, tile {}/{:016x}, is none of the base; fetch the tiles around and "
+                      "localize anew",
+                      diff.frame.component, diff.frame.cell));
+    }
+    const Rigid3 root_from_tile = RootFromTile(component->grid, diff.frame.cell);
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> tiles,
+                            TilesNear(base_.reader(), *component,
+                                      PlacesInRoot(diff.drive, root_from_tile), options_.radius_m));
+    CARMAP_ASSIGN_OR_RETURN(MapView view, changes_.View(*component, diff.frame.cell, tiles));
+    MapDiff in_view = diff;
+    in_view.drive = Moved(diff.drive, view.root_from_view().Inverse() * root_from_tile);
+    CARMAP_RETURN_IF_ERROR(Take(*component, {std::move(view), {std::move(in_view), {}}}));
+    made_.component = component->id;
+    made_.keyframes_added = added_keyframes_;
+    made_.landmarks_added = added_landmarks_;
+    return CommitAll();
+  }
+
+ private:
+  void Begin(const std::string& name) {
+    made_.name = name;
+    for (const LeanDrive& drive : segment_.drives) made_.drives.push_back(drive.id);
+    made_.keyframes = segment_.keyframes.size();
+    made_.landmarks = segment_.landmarks.size();
+  }
+
+  absl::StatusOr<std::vector<CandidateTiles>> Candidates() const {
+    CARMAP_ASSIGN_OR_RETURN(auto candidates, CandidatesByGps(segment_, base_, options_.radius_m));
+    const bool has_gps =
+        std::any_of(segment_.keyframes.begin(), segment_.keyframes.end(),
+                    [](const LeanKeyframe& keyframe) { return keyframe.gps.has_value(); });
+    CARMAP_ASSIGN_OR_RETURN(
+        auto by_words,
+        CandidatesByWords(WordsAlong(segment_, DefaultVocabulary()), base_, DefaultVocabulary(),
+                          options_.max_word_tiles, /*on_earth_too=*/!has_gps));
+    candidates.insert(candidates.end(), by_words.begin(), by_words.end());
+    return candidates;
+  }
+
+  /// The first component that the segment fits takes it.
+  absl::Status FitTo(const CandidateTiles& candidate) {
+    auto placed = Place(segment_, candidate, changes_, base_, options_);
+    if (absl::IsNotFound(placed.status())) return absl::OkStatus();
+    CARMAP_RETURN_IF_ERROR(placed.status());
+    CARMAP_RETURN_IF_ERROR(Take(candidate.component, *placed));
+    made_.component = candidate.component.id;
+    made_.fit = placed->fitted.report;
+    made_.keyframes_added = added_keyframes_;
+    made_.landmarks_added = added_landmarks_;
+    return absl::OkStatus();
+  }
+
+  absl::Status Take(const Component& component, const Placed& placed) {
+    CARMAP_ASSIGN_OR_RETURN(const LeanMap merged,
+                            Apply(placed.fitted.diff, placed.view.map(), options_.apply));
+    added_keyframes_ = merged.keyframes.size() - placed.view.map().keyframes.size();
+    added_landmarks_ = merged.landmarks.size() - placed.view.map().landmarks.size();
+    return changes_.Replace(component, placed.view, merged);
+  }
+
+  /// Another component that the segment fits, too, becomes part of the segment's.
+  absl::Status Join(const CandidateTiles& candidate) {
+    if (candidate.component.id == made_.component) return absl::OkStatus();
+    const auto touches = Place(segment_, candidate, changes_, base_, options_);
+    if (absl::IsNotFound(touches.status())) return absl::OkStatus();
+    CARMAP_RETURN_IF_ERROR(touches.status());
+
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> its_tiles,
+                            TilesOf(candidate.component.id, base_.reader()));
+    CARMAP_ASSIGN_OR_RETURN(const MapView whole,
+                            changes_.View(candidate.component, its_tiles.front().cell, its_tiles));
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, base_.Components());
+    const auto own = std::find_if(components.begin(), components.end(),
+                                  [&](const Component& c) { return c.id == made_.component; });
+    std::vector<TileId> around;
+    for (const auto& tile : changes_.Changed()) {
+      if (tile->id.component == own->id) around.push_back(tile->id);
+    }
+    auto placed = Place(whole.map(), {*own, around}, changes_, base_, options_);
+    if (!placed.ok()) {
+      return absl::FailedPreconditionError(fmt::format(
+          "it connects components {} and {} of the base, which do not fit each other: {}",
+          made_.component, candidate.component.id, std::string(placed.status().message())));
+    }
+    CARMAP_RETURN_IF_ERROR(Take(*own, *placed));
+    for (const TileId& id : its_tiles) CARMAP_RETURN_IF_ERROR(changes_.Put({id, 0, {}}));
+    made_.joined.push_back(candidate.component.id);
+    return absl::OkStatus();
+  }
+
+  absl::Status BeginComponent() {
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, base_.Components());
+    const uint32_t id = components.empty() ? 1 : components.back().id + 1;
+    const NewComponent made = MakeComponent(segment_, id, base_.cell_level(), options_.gps);
+    CARMAP_RETURN_IF_ERROR(changes_.Replace(made.component, made.view, made.map));
+    new_component_ = made.component;
+    made_.component = id;
+    made_.is_new_component = true;
+    made_.keyframes_added = made_.keyframes;
+    made_.landmarks_added = made_.landmarks;
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<Contribution> CommitAll() {
+    Commit commit;
+    CARMAP_RETURN_IF_ERROR(changes_.AddTo(DefaultVocabulary(), commit));
+    if (new_component_) {
+      commit.components.emplace_back(new_component_->id, EncodeComponent(*new_component_));
+    }
+    for (const uint32_t joined : made_.joined) commit.components.emplace_back(joined, "");
+    for (const TileChange& change : commit.tiles) {
+      made_.tiles.push_back({change.tile, change.from_version + 1, !change.bytes});
+      made_.patch_bytes += change.patch.size();
+    }
+    for (const DriveId& drive : made_.drives) {
+      commit.contributions.emplace_back(part_ ? KeyOf(drive, *part_) : KeyOf(drive), "");
+    }
+    commit.journal_text = ToJournal(made_);
+    CARMAP_ASSIGN_OR_RETURN(made_.sequence, base_.Apply(commit));
+    return made_;
+  }
+
+  const LeanMap& segment_;
+  BaseMap& base_;
+  const ContributeOptions& options_;
+  Changes changes_;
+  std::optional<Component> new_component_;
+  std::optional<uint32_t> part_;  ///< of a diff
+  Contribution made_;
+  size_t added_keyframes_ = 0, added_landmarks_ = 0;  ///< by what was taken last
+};
+
+}  // namespace
+
+absl::StatusOr<Contribution> Contribute(const LeanMap& segment, const std::string& name,
+                                        BaseMap& base, const ContributeOptions& options) {
+  CARMAP_RETURN_IF_ERROR(Admit(segment, std::nullopt, base, options));
+  for (int attempt = 1;; ++attempt) {
+    auto made = Contributor(segment, base, options).Run(name);
+    if (!absl::IsAborted(made.status()) || attempt == options.max_attempts) return made;
+  }
+}
+
+absl::StatusOr<Contribution> Contribute(const MapDiff& diff, const std::string& name, BaseMap& base,
+                                        const ContributeOptions& options) {
+  CARMAP_RETURN_IF_ERROR(Admit(diff.drive, diff.part, base, options));
+  for (int attempt = 1;; ++attempt) {
+    auto made = Contributor(diff.drive, base, options).RunDiff(name, diff);
+    if (!absl::IsAborted(made.status()) || attempt == options.max_attempts) return made;
+  }
+}
+
+}  // namespace carmap

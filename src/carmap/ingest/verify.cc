@@ -1,0 +1,112 @@
+#include "carmap/ingest/verify.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+#include <utility>
+
+#include "carmap/base/status_macros.h"
+#include "carmap/feature/default_vocabulary.h"
+#include "carmap/format/tile_codec.h"
+#include "carmap/ingest/journal.h"
+#include "carmap/ingest/tile_words.h"
+
+namespace carmap {
+namespace {
+
+/// The tile as its patches make it of nothing. Errors: those of reading and applying them.
+absl::StatusOr<Tile> Replayed(const TileVersion& version, const BaseMap& base, size_t& patches) {
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<StoredPatch> stored,
+                          base.reader().ReadPatches(version.tile, 0));
+  Tile tile{version.tile, 0, {}};
+  for (const StoredPatch& one : stored) {
+    CARMAP_ASSIGN_OR_RETURN(const Patch patch, DecodePatch(one.patch, "a patch"));
+    CARMAP_ASSIGN_OR_RETURN(tile, AppliedAndVerified(patch, tile));
+    ++patches;
+  }
+  if (tile.version == version.version) return tile;
+  return absl::DataLossError(
+      fmt::format("its patches lead to version {} of {}", tile.version, version.version));
+}
+
+absl::Status CheckTile(const Tile& tile, const std::set<uint32_t>& components) {
+  if (!components.contains(tile.id.component)) {
+    return absl::DataLossError("its component is not listed");
+  }
+  for (const LeanLandmark& landmark : tile.map.landmarks) {
+    if (tile.map.keyframes[landmark.anchor_idx].is_stub) {
+      return absl::DataLossError("a landmark is anchored at another tile's keyframe");
+    }
+  }
+  return absl::OkStatus();
+}
+
+/// Puts back what the patches say, as a new version.
+absl::Status Repair(const Tile& replayed, BaseMap& base) {
+  Tile again = replayed;
+  again.version = replayed.version + 1;
+  Tile before = replayed;
+  before.version = again.version + 1;
+  TileChange change{.tile = again.id, .from_version = replayed.version};
+  CARMAP_ASSIGN_OR_RETURN(change.patch, EncodePatch(MakePatch(replayed, again)));
+  CARMAP_ASSIGN_OR_RETURN(change.inverse, EncodePatch(MakePatch(again, before)));
+  CARMAP_ASSIGN_OR_RETURN(change.bytes, EncodeTile(again));
+  change.words = EncodeWords(WordsOf(DefaultVocabulary(), again.map));
+  LoggedChange entry{.kind = "repair",
+                     .time = TimeText(),
+                     .name = "carmap base verify --repair",
+                     .component = again.id.component,
+                     .tiles = {{again.id, again.version, false}}};
+  Commit commit;
+  commit.tiles = {std::move(change)};
+  commit.journal_text = ToJournal(entry);
+  return base.Apply(commit).status();
+}
+
+}  // namespace
+
+absl::StatusOr<Verification> Verify(BaseMap& base, bool repair, const VerifyProgress& progress) {
+  Verification found;
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> log, ReadLog(base.reader()));
+  found.journal_entries = log.size();
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> listed, base.Components());
+  std::set<uint32_t> components;
+  for (const Component& component : listed) components.insert(component.id);
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base.reader().ListTiles());
+  for (const TileVersion& version : tiles) {
+    const std::string name =
+        fmt::format("tile {}/{:016x}", version.tile.component, version.tile.cell);
+    const auto replayed = Replayed(version, base, found.patches);
+    const bool is_whole = replayed.ok() || absl::IsOutOfRange(replayed.status());
+    if (!is_whole) {
+      found.problems.push_back(
+          fmt::format("{}: history: {}", name, std::string(replayed.status().message())));
+    }
+    if (!version.is_removed) {
+      ++found.tiles;
+      const auto tile = base.Read(version.tile);
+      absl::Status status = tile.status();
+      if (status.ok() && !*tile) status = absl::DataLossError("is not there");
+      if (status.ok()) status = CheckTile(**tile, components);
+      if (status.ok() && replayed.ok() && HashOf((*tile)->map) != HashOf(replayed->map)) {
+        status = absl::DataLossError("is not what its patches made it");
+      }
+      if (status.ok()) {
+        found.landmarks += (*tile)->map.landmarks.size();
+        found.keyframes += static_cast<size_t>(
+            std::count_if((*tile)->map.keyframes.begin(), (*tile)->map.keyframes.end(),
+                          [](const LeanKeyframe& keyframe) { return !keyframe.is_stub; }));
+      } else if (repair && replayed.ok()) {
+        CARMAP_RETURN_IF_ERROR(Repair(*replayed, base));
+        ++found.repaired;
+      } else {
+        found.problems.push_back(fmt::format("{}: {}", name, std::string(status.message())));
+      }
+    }
+    if (progress) progress(static_cast<size_t>(&version - tiles.data()) + 1);
+  }
+  return found;
+}
+
+}  // namespace carmap

@@ -1,0 +1,58 @@
+#include "carmap/ingest/verify.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "carmap/ingest/test_base.h"
+
+namespace carmap {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+class VerifyTest : public BaseTest {
+ protected:
+  VerifyTest() {
+    const Street street = MakeStreet(3, 230);
+    Add(MapOf(street, {.id = 1, .to_m = 120}));
+    Add(MapOf(street, {.id = 2, .from_m = 60, .to_m = 200}));
+  }
+
+  /// Puts other bytes in a tile's place, as a disk or a bug may.
+  void Spoil(TileId id, const std::string& bytes) {
+    const uint64_t version = *base_->reader().VersionOf(id);
+    const StoredPatch last = base_->reader().ReadPatches(id, version - 1)->front();
+    Commit commit;
+    commit.tiles = {{id, version, bytes, last.patch, last.inverse, ""}};
+    commit.journal_text = ToJournal(LoggedChange{.kind = "spoil"});
+    ASSERT_TRUE(base_->Apply(commit).ok());
+  }
+};
+
+TEST_F(VerifyTest, CountsWhatASoundBaseHolds) {
+  const auto found = Verify(*base_, false);
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_THAT(found->problems, IsEmpty());
+  EXPECT_EQ(found->tiles, Tiles(1).size());
+  EXPECT_EQ(found->landmarks, Whole(1).map().landmarks.size());
+  EXPECT_EQ(found->keyframes, Whole(1).map().keyframes.size());
+  EXPECT_GE(found->patches, found->tiles);
+  EXPECT_EQ(found->journal_entries, 2u);
+}
+
+TEST_F(VerifyTest, NamesTheTileThatIsDamaged) {
+  const TileId id = Tiles(1).front();
+  Spoil(id, "not a tile");
+  const auto found = Verify(*base_, false);
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_GE(found->problems.size(), 1u);
+  EXPECT_THAT(found->problems.back(), HasSubstr("tile 1/"));
+  EXPECT_EQ(found->tiles, Tiles(1).size());
+}
+
+}  // namespace
+}  // namespace carmap

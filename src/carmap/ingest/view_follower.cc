@@ -1,0 +1,107 @@
+#include "carmap/ingest/view_follower.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "carmap/base/status_macros.h"
+#include "carmap/ingest/tile_words.h"
+
+namespace carmap {
+
+ViewFollower::ViewFollower(const BaseMap& base, double focal_length_px,
+                           std::shared_ptr<const Vocabulary> vocabulary,
+                           const FollowerOptions& options)
+    : base_(base),
+      focal_length_px_(focal_length_px),
+      vocabulary_(std::move(vocabulary)),
+      options_(options),
+      view_(MapView({.is_on_earth = false}, 0, {})),
+      map_(view_->Rebuild(focal_length_px)) {}
+
+absl::StatusOr<ViewFollower::Change> ViewFollower::Follow(
+    const std::optional<Rigid3>& view_from_camera, const std::optional<GpsFix>& gps,
+    const std::vector<Feature>& features) {
+  if (view_from_camera) {
+    lost_frames_ = 0;
+    return FollowPose(*view_from_camera);
+  }
+  return LookAround(gps, features);
+}
+
+absl::StatusOr<ViewFollower::Change> ViewFollower::FollowPose(const Rigid3& view_from_camera) {
+  const Eigen::Vector3d p_in_root = view_->root_from_view() * view_from_camera.translation;
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> needed,
+                          TilesNear(base_.reader(), *component_, {p_in_root}, options_.needed_m));
+  const bool has_all = std::all_of(needed.begin(), needed.end(), [&](const TileId& tile) {
+    return loaded_.contains(tile) || unreadable_.contains(tile);
+  });
+  if (has_all) return Change::kNone;
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> around,
+                          TilesNear(base_.reader(), *component_, {p_in_root}, options_.loaded_m));
+  CARMAP_RETURN_IF_ERROR(Load(*component_, view_->frame_cell(), around));
+  return Change::kTiles;
+}
+
+absl::StatusOr<ViewFollower::Change> ViewFollower::LookAround(
+    const std::optional<GpsFix>& gps, const std::vector<Feature>& features) {
+  const bool is_due = lost_frames_++ % options_.frames_of_component == 0;
+  if (!is_due) return Change::kNone;
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<CandidateTiles> candidates, Candidates(gps, features));
+  if (candidates.empty()) return Change::kNone;
+  const CandidateTiles& candidate = candidates[next_candidate_++ % candidates.size()];
+  const bool stays = component_ && component_->id == candidate.component.id;
+  const bool has_all =
+      stays && std::all_of(candidate.tiles.begin(), candidate.tiles.end(), [&](const TileId& tile) {
+        return loaded_.contains(tile) || unreadable_.contains(tile);
+      });
+  if (has_all) return Change::kNone;
+  const uint64_t frame_cell = stays ? view_->frame_cell() : candidate.tiles.front().cell;
+  if (!stays) used_.clear();
+  CARMAP_RETURN_IF_ERROR(Load(candidate.component, frame_cell, candidate.tiles));
+  component_ = candidate.component;
+  return stays ? Change::kTiles : Change::kComponent;
+}
+
+absl::StatusOr<std::vector<CandidateTiles>> ViewFollower::Candidates(
+    const std::optional<GpsFix>& gps, const std::vector<Feature>& features) const {
+  if (gps) {
+    LeanMap here;
+    here.keyframes.emplace_back().gps = gps;
+    CARMAP_ASSIGN_OR_RETURN(auto by_gps, CandidatesByGps(here, base_, options_.needed_m));
+    if (!by_gps.empty()) return by_gps;
+  }
+  return CandidatesByWords({WordsOf(*vocabulary_, features)}, base_, *vocabulary_,
+                           options_.max_word_tiles, /*on_earth_too=*/true);
+}
+
+absl::Status ViewFollower::Load(const Component& component, uint64_t frame_cell,
+                                const std::vector<TileId>& tiles) {
+  std::vector<std::shared_ptr<const Tile>> there;
+  loaded_.clear();
+  for (const TileId& id : tiles) {
+    auto tile = base_.Read(id);
+    if (absl::IsDataLoss(tile.status())) {
+      if (unreadable_.insert(id).second) damaged_.emplace_back(tile.status().message());
+      continue;
+    }
+    CARMAP_RETURN_IF_ERROR(tile.status());
+    loaded_.insert(id);
+    if (!*tile) continue;
+    used_.insert(id);
+    there.push_back(*std::move(tile));
+  }
+  view_.emplace(component.grid, frame_cell, std::move(there));
+  map_ = view_->Rebuild(focal_length_px_);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<MapView> ViewFollower::Used() const {
+  std::vector<std::shared_ptr<const Tile>> tiles;
+  for (const TileId& id : used_) {
+    CARMAP_ASSIGN_OR_RETURN(auto tile, base_.Read(id));
+    if (tile) tiles.push_back(std::move(tile));
+  }
+  return MapView(view_->grid(), view_->frame_cell(), std::move(tiles));
+}
+
+}  // namespace carmap

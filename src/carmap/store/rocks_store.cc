@@ -1,0 +1,316 @@
+// Layout of a base map's folder: decision 0023.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <mutex>
+#include <system_error>
+#include <thread>
+
+#include "carmap/base/status_macros.h"
+#include "carmap/store/commit_check.h"
+#include "carmap/store/map_store.h"
+#include "carmap/store/rocks_database.h"
+#include "carmap/store/rocks_folder.h"
+#include "carmap/store/rocks_keys.h"
+#include "carmap/store/rocks_reader.h"
+#include "carmap/store/snapshot_reads.h"
+
+namespace carmap {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kMetadata = "the store's metadata";
+
+/// What only a store that may be written has.
+struct Writer {
+  Descriptor lock;
+  AcknowledgedRecord acknowledged;
+  uint64_t sequence = 0;
+};
+
+class RocksStore final : public SnapshotReads {
+ public:
+  RocksStore(fs::path folder, std::unique_ptr<RocksDatabase> database, std::optional<Writer> writer)
+      : folder_(std::move(folder)), writer_(std::move(writer)), database_(std::move(database)) {}
+
+  absl::StatusOr<uint64_t> Apply(const Commit& commit) override {
+    const std::lock_guard lock(mutex_);
+    CARMAP_RETURN_IF_ERROR(PrepareToWrite());
+    CARMAP_RETURN_IF_ERROR(Check(commit));
+    const uint64_t sequence = writer_->sequence + 1;
+    rocksdb::WriteBatch batch = BatchOf(commit, sequence);
+    CARMAP_RETURN_IF_ERROR(Translate(database_->Write(batch), folder_, "the commit"));
+    writer_->sequence = sequence;
+    writer_->acknowledged.Write(sequence);
+    return sequence;
+  }
+
+  std::unique_ptr<const MapReader> Snapshot() const override {
+    return std::make_unique<RocksReader>(*database_, folder_);
+  }
+
+  absl::Status DropPatches(size_t kept) override {
+    const std::lock_guard lock(mutex_);
+    CARMAP_RETURN_IF_ERROR(PrepareToWrite());
+    const RocksReader reader(*database_, folder_);
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, reader.ListTiles());
+    rocksdb::WriteBatch batch;
+    for (const TileVersion& tile : tiles) {
+      if (tile.version > kept) CARMAP_RETURN_IF_ERROR(DropPatches(reader, tile, kept, batch));
+    }
+    return Translate(database_->Write(batch), folder_, "the patches");
+  }
+
+ private:
+  rocksdb::ColumnFamilyHandle* family(Family family) const { return database_->family(family); }
+
+  absl::Status PrepareToWrite() {
+    if (!writer_) {
+      return absl::FailedPreconditionError(
+          fmt::format("{}: opened to read only; open it to write", folder_.string()));
+    }
+    return Translate(database_->PrepareToWrite(), folder_, "the store");
+  }
+
+  absl::Status Check(const Commit& commit) const {
+    const RocksReader reader(*database_, folder_);
+    return CheckCommit(commit,
+                       {folder_.string(), [&](TileId tile) { return reader.FindTile(tile); },
+                        [&](std::string_view key) { return reader.HasContribution(key); }});
+  }
+
+  rocksdb::WriteBatch BatchOf(const Commit& commit, uint64_t sequence) const {
+    rocksdb::WriteBatch batch;
+    for (const TileChange& change : commit.tiles) Add(change, batch);
+    for (const auto& [component, bytes] : commit.components) {
+      if (bytes.empty()) {
+        batch.Delete(family(Family::kMeta), ComponentKey(component));
+      } else {
+        batch.Put(family(Family::kMeta), ComponentKey(component), bytes);
+      }
+    }
+    for (const auto& [key, value] : commit.contributions) {
+      batch.Put(family(Family::kContributions), key, value);
+    }
+    for (const std::string& key : commit.withdrawn) {
+      batch.Delete(family(Family::kContributions), key);
+    }
+    batch.Put(family(Family::kJournal), SequenceKey(sequence), commit.journal_text);
+    batch.Put(family(Family::kMeta), rocksdb::Slice(kSequenceKey.data(), kSequenceKey.size()),
+              SequenceKey(sequence));
+    return batch;
+  }
+
+  void Add(const TileChange& change, rocksdb::WriteBatch& batch) const {
+    const std::string key = TileKey(change.tile);
+    const uint64_t version = change.from_version + 1;
+    batch.Put(family(Family::kMeta), VersionKey(change.tile),
+              EncodeVersion(version, !change.bytes));
+    batch.Put(family(Family::kPatches), PatchKey(change.tile, version),
+              EncodePatch(change.patch, change.inverse));
+    if (change.bytes) {
+      batch.Put(family(Family::kTiles), key, EncodeVersioned(version, *change.bytes));
+      batch.Put(family(Family::kWords), key, EncodeVersioned(version, change.words));
+    } else {
+      batch.Delete(family(Family::kTiles), key);
+      batch.Delete(family(Family::kWords), key);
+    }
+  }
+
+  absl::Status DropPatches(const RocksReader& reader, const TileVersion& tile, size_t kept,
+                           rocksdb::WriteBatch& batch) const {
+    return reader.Scan(
+        Family::kPatches, PatchKey(tile.tile, 1), PatchKey(tile.tile, tile.version - kept + 1),
+        fmt::format("a patch of {}", NameOf(tile.tile)),
+        [&](std::string_view key, std::string_view) {
+          batch.Delete(family(Family::kPatches), rocksdb::Slice(key.data(), key.size()));
+          return absl::OkStatus();
+        });
+  }
+
+  const fs::path folder_;
+  std::mutex mutex_;  ///< of all that follows, but for reading
+  std::optional<Writer> writer_;
+  const std::unique_ptr<RocksDatabase> database_;
+};
+
+fs::path UnfinishedIn(const fs::path& folder) { return folder / "rocksdb.new"; }
+
+absl::Status NoStore(const fs::path& folder, std::string_view what) {
+  return absl::NotFoundError(
+      fmt::format("{}: {}; check the path, or make a base map with `carmap base init {}`",
+                  folder.string(), what, folder.string()));
+}
+
+absl::Status CheckHoldsStore(const fs::path& folder) {
+  std::error_code error;
+  const fs::file_status status = fs::status(folder, error);
+  if (!fs::exists(status)) return NoStore(folder, "no such folder");
+  if (!fs::is_directory(status)) return NoStore(folder, "a file, not a base map's folder");
+  if (!fs::exists(DatabaseIn(folder), error)) return NoStore(folder, "holds no base map");
+  return absl::OkStatus();
+}
+
+/// That the format is known, and that nothing is missing which was acknowledged.
+absl::Status CheckContents(const RocksDatabase& database, const fs::path& folder,
+                           std::optional<uint64_t> acknowledged) {
+  CARMAP_RETURN_IF_ERROR(Translate(database.VerifyMeta(), folder, kMetadata));
+  const RocksReader reader(database, folder);
+  CARMAP_ASSIGN_OR_RETURN(const uint32_t format, reader.Format());
+  if (format > kStoreFormat) {
+    return absl::UnimplementedError(
+        fmt::format("{}: made by a newer version (format {}, this one reads {}); upgrade carmap",
+                    folder.string(), format, kStoreFormat));
+  }
+  CARMAP_RETURN_IF_ERROR(reader.Header().status());
+  CARMAP_ASSIGN_OR_RETURN(const uint64_t sequence, reader.Sequence());
+  if (sequence < acknowledged.value_or(0)) {
+    return Damaged(folder, kMetadata,
+                   fmt::format("commits {} to {} are missing", sequence + 1, *acknowledged));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::unique_ptr<RocksDatabase>> OpenChecked(const fs::path& folder,
+                                                           DatabaseAccess access) {
+  // Before the database, to which a writer beside this process may add.
+  const auto acknowledged = AcknowledgedRecord::Read(DatabaseIn(folder));
+  CARMAP_ASSIGN_OR_RETURN(auto database, RocksDatabase::Open(DatabaseIn(folder), access));
+  CARMAP_RETURN_IF_ERROR(CheckContents(*database, folder, acknowledged));
+  return database;
+}
+
+/// Opens a store to read in which some table is damaged, if metadata and log are whole.
+absl::StatusOr<std::unique_ptr<RocksDatabase>> OpenDamaged(const fs::path& folder,
+                                                           DatabaseAccess access) {
+  if (!AcknowledgedRecord::Read(DatabaseIn(folder))) {
+    return Damaged(folder, kMetadata, "a table and the record of what was acknowledged");
+  }
+  CARMAP_RETURN_IF_ERROR(OpenChecked(folder, DatabaseAccess::kReadMeta).status());
+  return RocksDatabase::Open(DatabaseIn(folder), access);
+}
+
+/// Unavailable if a writer beside this process began or removed a log meanwhile: commits that it
+/// moved to tables could then be found in neither. New tables do no harm, unless one is missed.
+absl::StatusOr<std::unique_ptr<RocksDatabase>> OpenUndisturbed(const fs::path& folder) {
+  const FilesSeen before = LookAt(DatabaseIn(folder));
+  auto database = OpenChecked(folder, DatabaseAccess::kRead);
+  if (database.ok() && LookAt(DatabaseIn(folder)).logs == before.logs) return database;
+  if (absl::IsDataLoss(database.status())) {
+    database = OpenDamaged(folder, DatabaseAccess::kReadDamaged);
+  }
+  if (LookAt(DatabaseIn(folder)) == before) return database;
+  return absl::UnavailableError(
+      fmt::format("{}: another process writes too much; try again", folder.string()));
+}
+
+absl::StatusOr<std::unique_ptr<MapStore>> OpenToRead(const fs::path& folder) {
+  constexpr int kAttempts = 50;
+  constexpr std::chrono::milliseconds kPause(20);
+  auto database = OpenUndisturbed(folder);
+  for (int i = 1; i < kAttempts && absl::IsUnavailable(database.status()); ++i) {
+    std::this_thread::sleep_for(kPause);
+    database = OpenUndisturbed(folder);
+  }
+  CARMAP_RETURN_IF_ERROR(database.status());
+  return std::make_unique<RocksStore>(folder, *std::move(database), std::nullopt);
+}
+
+/// Nothing is changed before it is known that metadata and log are whole: to open a database that
+/// lost its last commits would remove what they could be restored from.
+absl::StatusOr<std::unique_ptr<MapStore>> OpenToWrite(const fs::path& folder, Descriptor lock) {
+  CARMAP_RETURN_IF_ERROR(OpenChecked(folder, DatabaseAccess::kReadMeta).status());
+  auto database = RocksDatabase::Open(DatabaseIn(folder), DatabaseAccess::kWrite);
+  if (absl::IsDataLoss(database.status())) {
+    database = OpenDamaged(folder, DatabaseAccess::kWriteDamaged);
+  }
+  CARMAP_RETURN_IF_ERROR(database.status());
+  CARMAP_ASSIGN_OR_RETURN(const uint64_t sequence, RocksReader(**database, folder).Sequence());
+  CARMAP_ASSIGN_OR_RETURN(auto acknowledged, AcknowledgedRecord::Open(DatabaseIn(folder)));
+  acknowledged.Write(sequence);
+  return std::make_unique<RocksStore>(folder, *std::move(database),
+                                      Writer{std::move(lock), std::move(acknowledged), sequence});
+}
+
+/// What a process that was killed here left unfinished does not count.
+absl::Status CheckEmpty(const fs::path& folder) {
+  std::error_code error;
+  if (fs::exists(DatabaseIn(folder), error)) {
+    return absl::AlreadyExistsError(
+        fmt::format("{}: holds a base map already; choose another folder", folder.string()));
+  }
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, error)) {
+    if (entry.path() == UnfinishedIn(folder)) continue;
+    return absl::AlreadyExistsError(
+        fmt::format("{}: is not empty; choose a folder that is, or a new one", folder.string()));
+  }
+  return error ? CannotWrite(folder, error.value()) : absl::OkStatus();
+}
+
+absl::Status WriteEmptyStore(const fs::path& path, std::string_view header) {
+  CARMAP_ASSIGN_OR_RETURN(const auto database, RocksDatabase::Open(path, DatabaseAccess::kCreate));
+  std::string format;
+  AppendBigEndian(kStoreFormat, format);
+  rocksdb::WriteBatch batch;
+  const auto put = [&](std::string_view key, std::string_view value) {
+    batch.Put(database->family(Family::kMeta), rocksdb::Slice(key.data(), key.size()),
+              rocksdb::Slice(value.data(), value.size()));
+  };
+  put(kFormatKey, format);
+  put(kHeaderKey, header);
+  put(kSequenceKey, SequenceKey(0));
+  CARMAP_RETURN_IF_ERROR(Translate(database->Write(batch), path.parent_path(), "the header"));
+  CARMAP_ASSIGN_OR_RETURN(auto acknowledged, AcknowledgedRecord::Open(path));
+  acknowledged.Write(0);
+  return absl::OkStatus();
+}
+
+/// In a folder that is locked and empty.
+absl::Status BuildStore(const fs::path& folder, std::string_view header) {
+  const fs::path unfinished = UnfinishedIn(folder);
+  std::error_code error;
+  fs::remove_all(unfinished, error);
+  absl::Status status = error ? CannotWrite(folder, error.value()) : absl::OkStatus();
+  if (status.ok()) status = WriteEmptyStore(unfinished, header);
+  if (status.ok()) {
+    SyncFolder(unfinished);
+    fs::rename(unfinished, DatabaseIn(folder), error);
+    if (error) status = CannotWrite(folder, error.value());
+  }
+  if (!status.ok()) fs::remove_all(unfinished, error);
+  SyncFolder(folder);
+  return status;
+}
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<MapStore>> CreateRocksStore(const fs::path& folder,
+                                                           std::string header) {
+  std::error_code error;
+  if (fs::exists(folder, error) && !fs::is_directory(folder, error)) {
+    return absl::AlreadyExistsError(
+        fmt::format("{}: a file; choose an empty folder, or a new one", folder.string()));
+  }
+  const bool is_new = fs::create_directory(folder, error);
+  if (error) return CannotWrite(folder, error.value());
+  CARMAP_ASSIGN_OR_RETURN(Descriptor lock, LockFolder(folder));
+  CARMAP_RETURN_IF_ERROR(CheckEmpty(folder));
+  if (const absl::Status status = BuildStore(folder, header); !status.ok()) {
+    if (is_new) fs::remove(folder, error);
+    return status;
+  }
+  if (is_new) SyncFolder(fs::absolute(folder, error).lexically_normal().parent_path());
+  return OpenToWrite(folder, std::move(lock));
+}
+
+absl::StatusOr<std::unique_ptr<MapStore>> OpenRocksStore(const fs::path& folder,
+                                                         StoreAccess access) {
+  CARMAP_RETURN_IF_ERROR(CheckHoldsStore(folder));
+  if (access == StoreAccess::kReadOnly) return OpenToRead(folder);
+  CARMAP_ASSIGN_OR_RETURN(Descriptor lock, LockFolder(folder));
+  return OpenToWrite(folder, std::move(lock));
+}
+
+}  // namespace carmap
