@@ -83,9 +83,13 @@ void PrintAdded(const std::string& path, const Added& added) {
         Count(fit.segment_keyframes_overlapping, "keyframe"), fit.median_misfit_m, fit.scale,
         100 * fit.largest_strain);
   }
-  fmt::print("  new         {} of {}, {} of {}\n", made.keyframes_added,
+  fmt::print("  new         {} of {}, {} of {}", made.keyframes_added,
              Count(made.keyframes, "keyframe"), made.landmarks_added,
              Count(made.landmarks, "landmark"));
+  if (made.landmarks_replaced > 0) {
+    fmt::print("; {} that fewer drives saw made way", made.landmarks_replaced);
+  }
+  fmt::print("\n");
   fmt::print("  tiles       {} changed; patches of {}\n", made.tiles.size(),
              BytesText(static_cast<double>(made.patch_bytes)));
 }
@@ -101,6 +105,7 @@ nlohmann::ordered_json ToJson(const std::string& path, const Added& added) {
                                  {"keyframes_added", made.keyframes_added},
                                  {"landmarks", made.landmarks},
                                  {"landmarks_added", made.landmarks_added},
+                                 {"landmarks_replaced", made.landmarks_replaced},
                                  {"tiles_changed", made.tiles.size()},
                                  {"patch_bytes", made.patch_bytes},
                                  {"journal_entry", made.sequence},

@@ -778,8 +778,8 @@ TEST_F(CliTest, WorksOnWhenNobodyReadsItsStandardErrorAnyMore) {
 
 TEST_F(CliTest, WorksOnWhenItsTerminalIsClosed) {
   const Result result = RunProgram(
-      work(), {"map", "../drive", "--replay", "20", "--out", "m.cmap"}, root_,
-      "& program=$!; for i in 1 2 3; do sleep 0.2; kill -HUP $program; done; wait $program");
+      work(), {"map", "../drive", "--replay", "6", "--out", "m.cmap"}, root_,
+      "& program=$!; for i in 1 2 3; do sleep 0.8; kill -HUP $program; done; wait $program");
   EXPECT_EQ(result.exit_code, 0) << result.err;
   EXPECT_TRUE(ReadLeanMap(work() / "m.cmap").ok());
 }

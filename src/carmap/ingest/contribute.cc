@@ -118,6 +118,17 @@ absl::StatusOr<std::vector<TileId>> TilesOf(uint32_t component, const MapReader&
   return tiles;
 }
 
+/// Records of `of` that `in` does not have; both ascending by id.
+size_t CountMissing(const std::vector<LeanLandmark>& of, const std::vector<LeanLandmark>& in) {
+  size_t missing = 0;
+  auto place = in.begin();
+  for (const LeanLandmark& landmark : of) {
+    while (place != in.end() && place->id < landmark.id) ++place;
+    missing += place == in.end() || place->id != landmark.id;
+  }
+  return missing;
+}
+
 class Contributor {
  public:
   Contributor(const LeanMap& segment, BaseMap& base, const ContributeOptions& options)
@@ -159,6 +170,7 @@ class Contributor {
     made_.component = component->id;
     made_.keyframes_added = added_keyframes_;
     made_.landmarks_added = added_landmarks_;
+    made_.landmarks_replaced = replaced_landmarks_;
     return CommitAll();
   }
 
@@ -193,6 +205,7 @@ class Contributor {
     made_.fit = placed->fitted.report;
     made_.keyframes_added = added_keyframes_;
     made_.landmarks_added = added_landmarks_;
+    made_.landmarks_replaced = replaced_landmarks_;
     return absl::OkStatus();
   }
 
@@ -200,7 +213,8 @@ class Contributor {
     CARMAP_ASSIGN_OR_RETURN(const LeanMap merged,
                             Apply(placed.fitted.diff, placed.view.map(), options_.apply));
     added_keyframes_ = merged.keyframes.size() - placed.view.map().keyframes.size();
-    added_landmarks_ = merged.landmarks.size() - placed.view.map().landmarks.size();
+    added_landmarks_ = CountMissing(merged.landmarks, placed.view.map().landmarks);
+    replaced_landmarks_ = CountMissing(placed.view.map().landmarks, merged.landmarks);
     return changes_.Replace(component, placed.view, merged);
   }
 
@@ -273,7 +287,8 @@ class Contributor {
   std::optional<Component> new_component_;
   std::optional<uint32_t> part_;  ///< of a diff
   Contribution made_;
-  size_t added_keyframes_ = 0, added_landmarks_ = 0;  ///< by what was taken last
+  /// By what was taken last.
+  size_t added_keyframes_ = 0, added_landmarks_ = 0, replaced_landmarks_ = 0;
 };
 
 }  // namespace

@@ -42,7 +42,8 @@ struct Contribution {
   size_t keyframes = 0;            ///< of the segment
   size_t landmarks = 0;            ///< of the segment
   size_t keyframes_added = 0;      ///< the others stand where the base has one
-  size_t landmarks_added = 0;      ///< the others were there
+  size_t landmarks_added = 0;      ///< the others were there, or found no place
+  size_t landmarks_replaced = 0;   ///< of the base, that made way
   std::vector<TileVersion> tiles;  ///< that changed, and to which version
   uint64_t patch_bytes = 0;        ///< that vehicles will fetch for it
   uint64_t sequence = 0;           ///< of its entry in the journal

@@ -59,7 +59,8 @@ TEST_F(ContributeTest, MergesWhatBothSaw) {
   EXPECT_LT(second.landmarks_added, segment.landmarks.size() * 7 / 10);
   const MapView whole = Whole(1);
   EXPECT_TRUE(CheckConsistency(whole.map()).ok());
-  EXPECT_EQ(whole.map().landmarks.size(), first.landmarks + second.landmarks_added);
+  EXPECT_EQ(whole.map().landmarks.size(),
+            first.landmarks + second.landmarks_added - second.landmarks_replaced);
   EXPECT_EQ(whole.map().keyframes.size(), first.keyframes + second.keyframes_added);
   ExpectPatchesLeadToTiles();
 }

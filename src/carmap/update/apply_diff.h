@@ -22,7 +22,7 @@ struct ApplyOptions {
   size_t max_landmarks = 2048;  ///< of a keyframe that takes others' in
   /// Where the base has keyframes, landmarks that hang on one of them by those that a single drive
   /// would hang there: what few drives saw makes way for what is new.
-  double max_growth = 1.5;
+  double max_growth = 1.35;
   double min_new_share = 0.25;  ///< of a drive's own landmarks there, that find a place
   MeasurementNoise noise;
 };
