@@ -16,7 +16,7 @@
 #include "carmap/base/summary.h"
 #include "carmap/eval/map_picture.h"
 #include "carmap/format/lean_codec.h"
-#include "carmap/map/tile.h"
+#include "carmap/map/by_id.h"
 
 namespace carmap {
 namespace {
@@ -35,18 +35,10 @@ struct Changes {
   size_t landmarks_in_both = 0;
 };
 
-template <typename Record>
-const Record* Find(const std::vector<Record>& records, const decltype(Record::id)& id) {
-  const auto found =
-      std::lower_bound(records.begin(), records.end(), id,
-                       [](const Record& r, const auto& wanted) { return r.id < wanted; });
-  return found != records.end() && found->id == id ? &*found : nullptr;
-}
-
 /// The first map in the frame of the second: by the keyframe of both that comes first.
 LeanMap InFrameOf(const LeanMap& after, const LeanMap& before) {
   for (const LeanKeyframe& keyframe : before.keyframes) {
-    if (const LeanKeyframe* same = Find(after.keyframes, keyframe.id)) {
+    if (const LeanKeyframe* same = FindById(after.keyframes, keyframe.id)) {
       return Moved(before, same->map_from_camera * keyframe.map_from_camera.Inverse());
     }
   }
@@ -63,13 +55,13 @@ Changes Compare(const LeanMap& before, const LeanMap& after) {
   constexpr double kMovedM = 0.001;  // maps are stored to less than that
   Changes changes;
   for (const LeanDrive& drive : after.drives) {
-    if (!Find(before.drives, drive.id)) changes.drives_added.push_back(drive.id);
+    if (!FindById(before.drives, drive.id)) changes.drives_added.push_back(drive.id);
   }
   for (const LeanDrive& drive : before.drives) {
-    if (!Find(after.drives, drive.id)) changes.drives_removed.push_back(drive.id);
+    if (!FindById(after.drives, drive.id)) changes.drives_removed.push_back(drive.id);
   }
   for (const LeanKeyframe& keyframe : before.keyframes) {
-    const LeanKeyframe* now = Find(after.keyframes, keyframe.id);
+    const LeanKeyframe* now = FindById(after.keyframes, keyframe.id);
     if (now == nullptr) {
       ++changes.keyframes_removed;
       continue;
@@ -79,15 +71,15 @@ Changes Compare(const LeanMap& before, const LeanMap& after) {
     if (move_m > kMovedM) changes.moves_m.push_back(move_m);
   }
   for (const LeanKeyframe& keyframe : after.keyframes) {
-    changes.keyframes_added += Find(before.keyframes, keyframe.id) == nullptr;
+    changes.keyframes_added += FindById(before.keyframes, keyframe.id) == nullptr;
   }
   for (const LeanLandmark& landmark : before.landmarks) {
-    if (!Find(after.landmarks, landmark.id)) {
+    if (!FindById(after.landmarks, landmark.id)) {
       changes.landmarks_removed.push_back(landmark.position_in_map);
     }
   }
   for (const LeanLandmark& landmark : after.landmarks) {
-    const LeanLandmark* then = Find(before.landmarks, landmark.id);
+    const LeanLandmark* then = FindById(before.landmarks, landmark.id);
     if (then == nullptr) {
       changes.landmarks_added.push_back(landmark.position_in_map);
       continue;
@@ -151,9 +143,9 @@ absl::StatusOr<ExitCode> RunDiff(const Arguments& arguments) {
       CheckOutputs({arguments.report, arguments.picture}, {arguments.before, arguments.after}));
   CARMAP_ASSIGN_OR_RETURN(const LeanMap first, ReadLeanMap(arguments.before));
   CARMAP_ASSIGN_OR_RETURN(const LeanMap after, ReadLeanMap(arguments.after));
-  const bool share_a_drive =
-      std::any_of(first.drives.begin(), first.drives.end(),
-                  [&](const LeanDrive& drive) { return Find(after.drives, drive.id) != nullptr; });
+  const bool share_a_drive = std::any_of(
+      first.drives.begin(), first.drives.end(),
+      [&](const LeanDrive& drive) { return FindById(after.drives, drive.id) != nullptr; });
   if (!share_a_drive) {
     return absl::FailedPreconditionError(
         fmt::format("{}: has no drive in common with {}, so it is no other state of the same map; "

@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <utility>
 
+#include "carmap/map/by_id.h"
+
 namespace carmap {
 namespace {
 
-constexpr auto kById = [](const auto& a, const auto& b) { return a.id < b.id; };
 constexpr auto kSameId = [](const auto& a, const auto& b) { return a.id == b.id; };
 
 /// A keyframe as one of the tiles has it.

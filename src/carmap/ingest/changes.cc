@@ -9,18 +9,10 @@
 #include "carmap/format/lean_codec.h"
 #include "carmap/format/tile_codec.h"
 #include "carmap/ingest/tile_words.h"
+#include "carmap/map/by_id.h"
 
 namespace carmap {
 namespace {
-
-/// Null if there is none; records ascending by id.
-template <typename Record, typename Id>
-const Record* Find(const std::vector<Record>& records, const Id& id) {
-  const auto found =
-      std::lower_bound(records.begin(), records.end(), id,
-                       [](const Record& record, const Id& wanted) { return record.id < wanted; });
-  return found != records.end() && found->id == id ? &*found : nullptr;
-}
 
 bool AreSame(const Rigid3& a, const Rigid3& b) {
   return a.translation == b.translation && a.rotation.coeffs() == b.rotation.coeffs();
@@ -58,7 +50,7 @@ class Cutter {
   /// Keyframes stay with their tiles, new ones go where they stand. Nothing for one of a tile that
   /// the view lacks.
   std::optional<TileId> OwnerOf(const LeanKeyframe& keyframe) const {
-    const LeanKeyframe* known = Find(view_.map().keyframes, keyframe.id);
+    const LeanKeyframe* known = FindById(view_.map().keyframes, keyframe.id);
     if (known == nullptr) {
       const Eigen::Vector3d center = view_.root_from_view() * keyframe.map_from_camera.translation;
       return TileId{component_.id, CellAt(component_.grid, center)};
@@ -75,12 +67,12 @@ class Cutter {
       if (IsAsItWas(keyframe)) continue;
       if (owners_[i]) shares_[*owners_[i]].keyframe_idxs.insert(i);
       for (const auto& tile : view_.tiles()) {
-        if (Find(tile->map.keyframes, keyframe.id)) shares_[tile->id].keyframe_idxs.insert(i);
+        if (FindById(tile->map.keyframes, keyframe.id)) shares_[tile->id].keyframe_idxs.insert(i);
       }
     }
     for (const KeyframeId& id : whole_.removed_keyframes) {
       for (const auto& tile : view_.tiles()) {
-        if (Find(tile->map.keyframes, id)) shares_[tile->id].removed_keyframes.push_back(id);
+        if (FindById(tile->map.keyframes, id)) shares_[tile->id].removed_keyframes.push_back(id);
       }
     }
   }
@@ -96,19 +88,19 @@ class Cutter {
       share.keyframe_idxs.insert(landmark.keyframe_idxs.begin(), landmark.keyframe_idxs.end());
       // Its anchor may be another than it was, of another tile.
       for (const auto& tile : view_.tiles()) {
-        if (tile->id == *owner || !Find(tile->map.landmarks, landmark.id)) continue;
+        if (tile->id == *owner || !FindById(tile->map.landmarks, landmark.id)) continue;
         shares_[tile->id].removed_landmarks.push_back(landmark.id);
       }
     }
     for (const LandmarkId& id : whole_.removed_landmarks) {
       for (const auto& tile : view_.tiles()) {
-        if (Find(tile->map.landmarks, id)) shares_[tile->id].removed_landmarks.push_back(id);
+        if (FindById(tile->map.landmarks, id)) shares_[tile->id].removed_landmarks.push_back(id);
       }
     }
   }
 
   bool IsAsItWas(const LeanKeyframe& keyframe) const {
-    const LeanKeyframe* known = Find(view_.map().keyframes, keyframe.id);
+    const LeanKeyframe* known = FindById(view_.map().keyframes, keyframe.id);
     return known != nullptr && AreSame(known->map_from_camera, keyframe.map_from_camera);
   }
 
@@ -123,7 +115,7 @@ class Cutter {
   LeanKeyframe KeyframeInTile(uint32_t idx, TileId tile_id, const Rigid3& tile_from_view) const {
     LeanKeyframe keyframe = whole_.put.keyframes[idx];
     const Tile* tile = TileInView(tile_id);
-    const LeanKeyframe* in_tile = tile ? Find(tile->map.keyframes, keyframe.id) : nullptr;
+    const LeanKeyframe* in_tile = tile ? FindById(tile->map.keyframes, keyframe.id) : nullptr;
     if (in_tile != nullptr && IsAsItWas(keyframe)) return *in_tile;
     keyframe.map_from_camera = tile_from_view * keyframe.map_from_camera;
     keyframe.is_stub = owners_[idx] != tile_id;

@@ -14,6 +14,7 @@
 #include "carmap/format/tile_codec.h"
 #include "carmap/ingest/changes.h"
 #include "carmap/ingest/journal.h"
+#include "carmap/map/by_id.h"
 
 namespace carmap {
 namespace {
@@ -43,14 +44,6 @@ absl::StatusOr<LoggedChange> FindContribution(const std::string& drive, const Ba
       fmt::format("{}: no drive of the base begins with {}; `carmap base log "
                   "{}` lists those that were added",
                   base.name(), drive, base.name()));
-}
-
-template <typename Record, typename Id>
-const Record* Find(const std::vector<Record>& records, const Id& id) {
-  const auto found =
-      std::lower_bound(records.begin(), records.end(), id,
-                       [](const Record& record, const Id& wanted) { return record.id < wanted; });
-  return found != records.end() && found->id == id ? &*found : nullptr;
 }
 
 /// The landmark as the keyframes of this map see it, for comparison across maps.
@@ -112,8 +105,8 @@ class TileReversion {
 
   /// What others changed since stays as they left it; what they removed stays away.
   bool IsAsTheContributionLeftIt(LandmarkId id) const {
-    const LeanLandmark* put = Find(patch_.put.landmarks, id);
-    const LeanLandmark* now = Find(now_.map.landmarks, id);
+    const LeanLandmark* put = FindById(patch_.put.landmarks, id);
+    const LeanLandmark* now = FindById(now_.map.landmarks, id);
     if (put == nullptr) return now == nullptr;
     return now != nullptr && Sighting(patch_.put, *put) == Sighting(now_.map, *now);
   }
@@ -142,7 +135,7 @@ class TileReversion {
       used.insert(id.drive);
       for (const uint32_t idx : restored.landmark.keyframe_idxs) {
         const LeanKeyframe& then = restored.of->keyframes[idx];
-        const LeanKeyframe* now = Find(now_.map.keyframes, then.id);
+        const LeanKeyframe* now = FindById(now_.map.keyframes, then.id);
         keyframes.emplace(then.id, now != nullptr ? *now : then);
         used.insert(then.id.drive);
       }
@@ -151,7 +144,7 @@ class TileReversion {
     for (const auto& [id, restored] : restored_) {
       LeanLandmark& landmark = put.landmarks.emplace_back(restored.landmark);
       const auto place_of = [&](uint32_t idx) {
-        return static_cast<uint32_t>(Find(put.keyframes, restored.of->keyframes[idx].id) -
+        return static_cast<uint32_t>(FindById(put.keyframes, restored.of->keyframes[idx].id) -
                                      put.keyframes.data());
       };
       for (uint32_t& idx : landmark.keyframe_idxs) idx = place_of(idx);

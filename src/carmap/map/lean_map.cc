@@ -7,6 +7,7 @@
 #include <string>
 
 #include "carmap/base/status_macros.h"
+#include "carmap/map/by_id.h"
 
 namespace carmap {
 namespace {
@@ -100,9 +101,7 @@ absl::Status CheckLandmarksOfKeyframes(const LeanMap& map) {
 }  // namespace
 
 const LeanDrive* FindDrive(const std::vector<LeanDrive>& drives, DriveId id) {
-  const auto drive = std::lower_bound(drives.begin(), drives.end(), id,
-                                      [](const LeanDrive& a, DriveId b) { return a.id < b; });
-  return drive != drives.end() && drive->id == id ? &*drive : nullptr;
+  return FindById(drives, id);
 }
 
 absl::Status CheckConsistency(const LeanMap& map) {

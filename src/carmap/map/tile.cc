@@ -8,26 +8,15 @@
 #include <utility>
 
 #include "carmap/base/status_macros.h"
+#include "carmap/map/by_id.h"
 
 namespace carmap {
 namespace {
 
-constexpr auto kById = [](const auto& a, const auto& b) { return a.id < b.id; };
-
-/// Index of the record with this id, of records ascending by id; their number if there is none.
-template <typename Record, typename Id>
-size_t FindIdx(const std::vector<Record>& records, const Id& id) {
-  const auto found =
-      std::lower_bound(records.begin(), records.end(), id,
-                       [](const Record& record, const Id& wanted) { return record.id < wanted; });
-  const bool is_there = found != records.end() && found->id == id;
-  return static_cast<size_t>((is_there ? found : records.end()) - records.begin());
-}
-
 /// Those of both, ascending by id; of one id that of `put`.
 template <typename Record>
 std::vector<Record> Merged(std::vector<Record> kept, const std::vector<Record>& put) {
-  std::erase_if(kept, [&](const Record& record) { return FindIdx(put, record.id) < put.size(); });
+  std::erase_if(kept, [&](const Record& record) { return FindById(put, record.id) != nullptr; });
   const auto middle = static_cast<ptrdiff_t>(kept.size());
   kept.insert(kept.end(), put.begin(), put.end());
   std::inplace_merge(kept.begin(), kept.begin() + middle, kept.end(), kById);
@@ -143,7 +132,7 @@ std::vector<Id> Missing(const std::vector<Record>& of, const std::vector<Record>
                         Id Record::*id) {
   std::vector<Id> missing;
   for (const Record& record : of) {
-    if (FindIdx(in, record.id) == in.size()) missing.push_back(record.*id);
+    if (FindById(in, record.id) == nullptr) missing.push_back(record.*id);
   }
   return missing;
 }
@@ -168,7 +157,7 @@ absl::StatusOr<Tile> Applied(const Patch& patch, const Tile& tile) {
   CARMAP_RETURN_IF_ERROR(Remove(patch.removed_keyframes, "keyframe", kept_keyframes));
   CARMAP_RETURN_IF_ERROR(Remove(patch.removed_landmarks, "landmark", kept_landmarks));
   std::erase_if(kept_landmarks, [&](const LeanLandmark& landmark) {
-    return FindIdx(patch.put.landmarks, landmark.id) < patch.put.landmarks.size();
+    return FindById(patch.put.landmarks, landmark.id) != nullptr;
   });
   next.map.drives = Merged(tile.map.drives, patch.put.drives);
   next.map.keyframes = Merged(std::move(kept_keyframes), patch.put.keyframes);
@@ -185,14 +174,12 @@ Patch DifferenceOf(const Tile& from, const Tile& to) {
   Patch patch{.tile = to.id, .from_version = from.version, .to_version = to.version};
   std::vector<bool> is_put(to.map.keyframes.size(), false);
   for (size_t i = 0; i < to.map.keyframes.size(); ++i) {
-    const size_t before = FindIdx(from.map.keyframes, to.map.keyframes[i].id);
-    is_put[i] = before == from.map.keyframes.size() ||
-                !AreEqual(from.map.keyframes[before], to.map.keyframes[i]);
+    const LeanKeyframe* before = FindById(from.map.keyframes, to.map.keyframes[i].id);
+    is_put[i] = before == nullptr || !AreEqual(*before, to.map.keyframes[i]);
   }
   for (const LeanLandmark& landmark : to.map.landmarks) {
-    const size_t before = FindIdx(from.map.landmarks, landmark.id);
-    if (before < from.map.landmarks.size() &&
-        AreEqual(from.map, from.map.landmarks[before], to.map, landmark)) {
+    const LeanLandmark* before = FindById(from.map.landmarks, landmark.id);
+    if (before != nullptr && AreEqual(from.map, *before, to.map, landmark)) {
       continue;
     }
     patch.put.landmarks.push_back(landmark);
@@ -205,9 +192,9 @@ Patch DifferenceOf(const Tile& from, const Tile& to) {
   for (LeanLandmark& landmark : patch.put.landmarks) Renumber(places, landmark);
 
   for (const LeanDrive& drive : to.map.drives) {
-    const size_t before = FindIdx(from.map.drives, drive.id);
+    const LeanDrive* before = FindDrive(from.map.drives, drive.id);
     const auto is_of_drive = [&](const auto& record) { return record.id.drive == drive.id; };
-    if (before == from.map.drives.size() || !AreEqual(from.map.drives[before], drive) ||
+    if (before == nullptr || !AreEqual(*before, drive) ||
         std::any_of(patch.put.keyframes.begin(), patch.put.keyframes.end(), is_of_drive) ||
         std::any_of(patch.put.landmarks.begin(), patch.put.landmarks.end(), is_of_drive)) {
       patch.put.drives.push_back(drive);

@@ -12,22 +12,20 @@
 
 #include "carmap/base/status_macros.h"
 #include "carmap/index/reconstruct.h"
+#include "carmap/map/by_id.h"
 #include "carmap/update/landmark_pairs.h"
 #include "carmap/update/merged_position.h"
 
 namespace carmap {
 namespace {
 
-constexpr auto kById = [](const auto& a, const auto& b) { return a.id < b.id; };
-
 /// Index of the record with this id, of records ascending by id.
-template <typename Record, typename Id>
-std::optional<uint32_t> FindIdx(const std::vector<Record>& records, const Id& id) {
-  const auto found =
-      std::lower_bound(records.begin(), records.end(), id,
-                       [](const Record& record, const Id& wanted) { return record.id < wanted; });
-  if (found == records.end() || found->id != id) return std::nullopt;
-  return static_cast<uint32_t>(found - records.begin());
+template <typename Record>
+std::optional<uint32_t> FindIdx(const std::vector<Record>& records,
+                                const decltype(Record::id)& id) {
+  const Record* found = FindById(records, id);
+  if (found == nullptr) return std::nullopt;
+  return static_cast<uint32_t>(found - records.data());
 }
 
 /// Keyframes of the base that stand for keyframes of the segment.
