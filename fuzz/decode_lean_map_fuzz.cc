@@ -6,18 +6,14 @@
 //   mkdir -p build/fuzz/corpus
 //   build/fuzz/bin/decode_lean_map_fuzz -rss_limit_mb=1024 -max_len=16384 build/fuzz/corpus \
 //       src/carmap/format/testdata
-#include <xxhash.h>
-
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
-#include <cstring>
 #include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "carmap/base/byte_io.h"
 #include "carmap/feature/default_vocabulary.h"
 #include "carmap/feature/feature_grid.h"
 #include "carmap/format/lean_codec.h"
@@ -26,37 +22,9 @@
 #include "carmap/localize/keyframe_view.h"
 #include "carmap/localize/place_search.h"
 #include "carmap/update/stitch.h"
+#include "repair_checksums.h"
 
 namespace {
-
-void StoreUint64(uint64_t value, size_t offset, std::string& bytes) {
-  for (size_t i = 0; i < 8; ++i) bytes[offset + i] = static_cast<char>(value >> (8 * i));
-}
-
-/// Seals the container anew (docs/format.md, "Container"), for else its checksums would keep every
-/// mutation from the code behind them.
-void RepairChecksums(std::string& bytes) {
-  constexpr size_t kFixedSize = 24, kEntrySize = 20;
-  if (bytes.size() < kFixedSize) return;
-  carmap::ByteReader header(std::string_view(bytes).substr(12));
-  const size_t sections = header.Uint<uint32_t>();
-  if (sections > 64 || bytes.size() < kFixedSize + kEntrySize * sections + 8) return;
-  const size_t table_end = kFixedSize + kEntrySize * sections;
-  StoreUint64(bytes.size(), 16, bytes);
-  size_t content = table_end + 8;
-  for (size_t i = 0; i < sections; ++i) {
-    const size_t entry = kFixedSize + kEntrySize * i;
-    const size_t rest = bytes.size() - content;
-    size_t length = carmap::ByteReader(std::string_view(bytes).substr(entry + 4)).Uint<uint64_t>();
-    if (length > rest || i + 1 == sections) {
-      length = rest;
-      StoreUint64(length, entry + 4, bytes);
-    }
-    StoreUint64(XXH3_64bits(bytes.data() + content, length), entry + 12, bytes);
-    content += length;
-  }
-  StoreUint64(XXH3_64bits(bytes.data(), table_end), table_end, bytes);
-}
 
 void Check(bool condition) {
   if (!condition) std::abort();
@@ -134,7 +102,7 @@ void Decode(const std::string& bytes) {
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   std::string bytes(reinterpret_cast<const char*>(data), size);
   Decode(bytes);
-  RepairChecksums(bytes);
+  carmap::RepairChecksums(bytes);
   Decode(bytes);
   return 0;
 }

@@ -19,7 +19,14 @@ for fuzzer in build/fuzz/bin/*_fuzz; do
   corpus="build/fuzz/corpus/$name"
   mkdir -p "$corpus"
   seeds=()
-  [[ "$name" != decode_lean_map_fuzz ]] || seeds=(src/carmap/format/testdata)
+  case "$name" in
+    decode_lean_map_fuzz) seeds=(src/carmap/format/testdata) ;;
+    decode_tile_fuzz)
+      mkdir -p build/fuzz/samples
+      build/fuzz/bin/write_tile_samples build/fuzz/samples
+      seeds=(build/fuzz/samples)
+      ;;
+  esac
   echo "== $name for $seconds s"
   "$fuzzer" -max_total_time="$seconds" -print_final_stats=1 -max_len=16384 -rss_limit_mb=1024 \
     -timeout=30 -artifact_prefix="build/fuzz/$name-" "$corpus" "${seeds[@]}"

@@ -29,6 +29,7 @@ LeanDrive RandomDrive(Dice& dice) {
       dice.Between(300, 1000), dice.Between(300, 1000), 601.887, 183.110, 1226, 370};
   drive.rig.baseline_m = dice.Between(0.1, 1);
   for (double& value : drive.rig.disparity_bias.coefficients_px) value = dice.Between(-1, 1);
+  if (dice.Below(2) == 0) drive.unix_start = Timestamp{1'700'000'000'000'000'000 + dice.Below(999)};
   drive.faults = static_cast<unsigned long>(dice.Between(0, 1 << kDriveFaultCount));
   return drive;
 }
@@ -109,7 +110,7 @@ LeanMap RandomStreet(uint64_t seed, const RandomMapOptions& options) {
 
 bool AreIdentical(const LeanMap& a, const LeanMap& b) {
   const auto same_drive = [](const LeanDrive& x, const LeanDrive& y) {
-    return x.id == y.id && x.rig == y.rig && x.faults == y.faults;
+    return x.id == y.id && x.rig == y.rig && x.faults == y.faults && x.unix_start == y.unix_start;
   };
   const auto same_keyframe = [](const LeanKeyframe& x, const LeanKeyframe& y) {
     return x.id == y.id && x.timestamp == y.timestamp && x.gps == y.gps && x.is_stub == y.is_stub &&

@@ -18,14 +18,17 @@ absl::Status Broken(const char* kind, size_t idx, const std::string& what) {
 
 bool IsUsable(const StereoRig& rig) {
   const PinholeCamera& camera = rig.camera;
-  const bool is_finite = std::isfinite(camera.fx) && std::isfinite(camera.fy) &&
-                         std::isfinite(camera.cx) && std::isfinite(camera.cy) &&
-                         std::isfinite(rig.baseline_m);
+  const auto is_between = [](double low, double value, double high) {
+    return low <= value && value <= high;  // false of what is not finite
+  };
   const Eigen::Vector3d& bias_px = rig.disparity_bias.coefficients_px;
   constexpr double kMaxBiasPx = 100;
-  return is_finite && camera.fx > 0 && camera.fy > 0 && camera.width > 0 && camera.height > 0 &&
+  return is_between(1, camera.fx, kMaxRigPx) && is_between(1, camera.fy, kMaxRigPx) &&
+         is_between(-kMaxRigPx, camera.cx, kMaxRigPx) &&
+         is_between(-kMaxRigPx, camera.cy, kMaxRigPx) && camera.width > 0 && camera.height > 0 &&
          camera.width <= kMaxImageSidePx && camera.height <= kMaxImageSidePx &&
-         rig.baseline_m > 0 && bias_px.allFinite() && bias_px.cwiseAbs().maxCoeff() <= kMaxBiasPx;
+         is_between(1e-6, rig.baseline_m, kMaxBaselineM) && bias_px.allFinite() &&
+         bias_px.cwiseAbs().maxCoeff() <= kMaxBiasPx;
 }
 
 /// The records' ids must rise; `kind` names one.

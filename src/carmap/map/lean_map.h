@@ -24,6 +24,9 @@ namespace carmap {
 
 /// What no camera exceeds, so that no map costs more than its size to rebuild and to match.
 inline constexpr int kMaxImageSidePx = 1 << 14;
+/// Of focal lengths, which are at least a pixel, and principal points; of baselines, which are at
+/// least a micrometre. What is computed of a rig stays finite.
+inline constexpr double kMaxRigPx = 1 << 20, kMaxBaselineM = 100;
 inline constexpr size_t kMaxLandmarksOfKeyframe = 1 << 12;
 
 /// A drive that contributed, and the rig that it saw with.

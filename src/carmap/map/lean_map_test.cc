@@ -107,6 +107,11 @@ TEST(CheckConsistency, NamesTheFirstRecordThatBreaksAnInvariant) {
        [](LeanMap& m) { m.landmarks[1].anchor_idx = 2; }},
       {"landmark 2 of the map was seen by no drive",
        [](LeanMap& m) { m.landmarks[2].drive_count = 0; }},
+      {"drive 0 of the map has a stereo rig",
+       [](LeanMap& m) { m.drives[0].rig.baseline_m = 9.7e307; }},
+      {"drive 1 of the map has a stereo rig",
+       [](LeanMap& m) { m.drives[1].rig.camera.fy = 1e-300; }},
+      {"drive 1 of the map has a stereo rig", [](LeanMap& m) { m.drives[1].rig.camera.cx = -2e6; }},
       {"drive 1 of the map begins",
        [](LeanMap& m) { m.drives[1].unix_start = Timestamp{Timestamp::kMaxNs + 1}; }},
   };
