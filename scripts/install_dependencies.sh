@@ -11,7 +11,7 @@ build_packages=(
   libopencv-core-dev libopencv-imgproc-dev libopencv-imgcodecs-dev
   libopencv-features2d-dev libopencv-calib3d-dev libopencv-dnn-dev
   libhwy-dev libtbb-dev libembree-dev libabsl-dev libfmt-dev libcli11-dev nlohmann-json3-dev
-  libzstd-dev libxxhash-dev
+  libzstd-dev libxxhash-dev librocksdb-dev
   libgtest-dev libgmock-dev librapidcheck-dev libbenchmark-dev
 )
 style_packages=(clang-format shellcheck)
