@@ -106,7 +106,7 @@ class MapStore : public MapReader {
   /// contribution is there, naming its key), InvalidArgument (a tile, component or contribution
   /// twice, a tile removed that is not there, or a key longer than kMaxKeySize), ResourceExhausted
   /// (the disk is full), Unavailable, FailedPrecondition (opened to read only). After an error
-  /// nothing has changed.
+  /// nothing has changed; after one of the disk's, Unavailable until snapshots are released.
   virtual absl::StatusOr<uint64_t> Apply(const Commit& commit) = 0;
 
   /// The store as it is now, whatever is committed after. It must not outlive the store.

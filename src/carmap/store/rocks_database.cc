@@ -16,21 +16,18 @@ namespace {
 
 constexpr size_t kMegabyte = 1 << 20;
 
-/// Of commits in the log, which is read whenever a store is opened.
-constexpr size_t kMaxUnflushed = 16 * kMegabyte;
-
-/// Without a meaning; see Write.
-constexpr const char* kUnloggedKey = "u";
-
 struct FamilyShape {
   const char* name;
+  size_t write_buffer_size;
   bool has_large_values;  ///< which are packed already
 };
 
 /// In the order of Family. RocksDB asks for a default family in any case.
-constexpr FamilyShape kFamilies[kFamilyCount] = {{"default", false}, {"contributions", false},
-                                                 {"journal", false}, {"tiles", true},
-                                                 {"words", true},    {"patches", true}};
+constexpr FamilyShape kFamilies[kFamilyCount] = {
+    {"default", 4 * kMegabyte, false}, {"contributions", 2 * kMegabyte, false},
+    {"journal", 2 * kMegabyte, false}, {"tiles", 16 * kMegabyte, true},
+    {"words", 4 * kMegabyte, true},    {"patches", 8 * kMegabyte, true},
+};
 
 bool IsDamage(const rocksdb::Status& status) {
   return status.IsCorruption() || status.IsPathNotFound() || status.IsNotFound();
@@ -41,8 +38,8 @@ bool IsReadOnly(DatabaseAccess access) {
          access == DatabaseAccess::kReadMeta;
 }
 
-/// RocksDB's log of what it does would be a file to which readers write too, and it aborts when it
-/// goes on with a log that once met a full disk. All that is to be said is in statuses.
+/// RocksDB's log of what it does would be a file to which readers write too, and once that has met
+/// a full disk RocksDB aborts. All that is to be said is in statuses.
 class NoLog : public rocksdb::Logger {
  public:
   using rocksdb::Logger::Logv;
@@ -54,15 +51,13 @@ rocksdb::DBOptions MakeOptions(DatabaseAccess access) {
   options.create_if_missing = access == DatabaseAccess::kCreate;
   options.create_missing_column_families = options.create_if_missing;
   options.error_if_exists = options.create_if_missing;
-  // Among much else this has a store stop at a failed write, until Resume begins a new log.
   options.paranoid_checks =
       access != DatabaseAccess::kWriteDamaged && access != DatabaseAccess::kReadDamaged;
   // Ends before the first damage. Whether that is the write that a killed process did not end, or
   // one that was acknowledged, the store finds out by the sequence that is reached.
   options.wal_recovery_mode = rocksdb::WALRecoveryMode::kPointInTimeRecovery;
   options.track_and_verify_wals_in_manifest = true;
-  options.avoid_flush_during_shutdown = true;
-  options.allow_fallocate = false;  // of as much as what a family may hold in memory
+  options.max_total_wal_size = 32 * kMegabyte;  // which is read whenever a store is opened
   // A writer removes tables under a reader, which therefore holds all of them open.
   options.max_open_files = IsReadOnly(access) ? -1 : 256;
   options.max_background_jobs = 2;
@@ -90,10 +85,7 @@ std::vector<rocksdb::ColumnFamilyDescriptor> DescribeFamilies(size_t count) {
   std::vector<rocksdb::ColumnFamilyDescriptor> descriptors;
   for (size_t i = 0; i < count; ++i) {
     rocksdb::ColumnFamilyOptions options;
-    // Without a bound: Flush is called instead. Where RocksDB flushes by itself and a write fails
-    // before its thread has begun, the family is never flushed again, and Resume waits for ever.
-    options.write_buffer_size = 4096 * kMegabyte;
-    options.arena_block_size = kMegabyte / 4;
+    options.write_buffer_size = kFamilies[i].write_buffer_size;
     options.compression =
         kFamilies[i].has_large_values ? rocksdb::kNoCompression : rocksdb::kLZ4Compression;
     options.target_file_size_base = 32 * kMegabyte;
@@ -110,29 +102,22 @@ std::vector<rocksdb::ColumnFamilyDescriptor> DescribeFamilies(size_t count) {
 class RocksDatabase::ErrorListener : public rocksdb::EventListener {
  public:
   void OnBackgroundError(rocksdb::BackgroundErrorReason reason, rocksdb::Status* status) override {
-    if (reason == rocksdb::BackgroundErrorReason::kCompaction) {
-      // Commits go on although old tables cannot be merged now.
-      if (IsDamage(*status)) has_damage = true;
-      *status = rocksdb::Status::OK();
+    if (reason != rocksdb::BackgroundErrorReason::kCompaction) {
+      has_failed = true;
       return;
     }
-    has_stopped = true;
-    // RocksDB calls some errors fatal, a quota's among them, and would never be resumed. But what
-    // failed is in no memory table, or still in one, and all are flushed before the next log.
-    if (status->IsIOError() && !IsDamage(*status) &&
-        status->severity() > rocksdb::Status::kHardError) {
-      *status = rocksdb::Status(*status, rocksdb::Status::kHardError);
-    }
+    // Commits go on although old tables cannot be merged now.
+    if (IsDamage(*status)) has_damage = true;
+    *status = rocksdb::Status::OK();
   }
 
-  /// RocksDB itself would wait for more room than it needs, and refuse to be resumed meanwhile.
   void OnErrorRecoveryBegin(rocksdb::BackgroundErrorReason, rocksdb::Status,
                             bool* auto_recovery) override {
     *auto_recovery = false;
   }
 
   std::atomic<bool> has_damage = false;
-  std::atomic<bool> has_stopped = false;
+  std::atomic<bool> has_failed = false;
 };
 
 absl::StatusOr<std::unique_ptr<RocksDatabase>> RocksDatabase::Open(
@@ -174,43 +159,19 @@ rocksdb::Status RocksDatabase::VerifyMeta() const {
   return rocksdb::Status::OK();
 }
 
-rocksdb::Status RocksDatabase::PrepareToWrite() {
+bool RocksDatabase::has_failed() const { return IsReadOnly(access_) || listener_->has_failed; }
+
+rocksdb::Status RocksDatabase::Write(rocksdb::WriteBatch& batch) {
   if (listener_->has_damage.exchange(false)) {
     // Compaction that met a damaged table would try again for ever: none until the next opening.
     for (rocksdb::ColumnFamilyHandle* handle : handles_) {
       db_->SetOptions(handle, {{"disable_auto_compactions", "true"}}).PermitUncheckedError();
     }
   }
-  rocksdb::Status status;
-  if (listener_->has_stopped) {
-    // Without paranoid_checks RocksDB would go on in the log behind what it wrote only half.
-    if (access_ == DatabaseAccess::kWriteDamaged) {
-      return rocksdb::Status::IOError("a write failed", "open the store again");
-    }
-    status = db_->Resume();
-  } else if (unflushed_ > kMaxUnflushed) {
-    rocksdb::FlushOptions options;
-    options.allow_write_stall = true;
-    status = db_->Flush(options, {handles_.begin(), handles_.end()});
-  } else {
-    return status;
-  }
-  listener_->has_stopped = !status.ok();
-  if (status.ok()) unflushed_ = 0;
-  return status;
-}
-
-rocksdb::Status RocksDatabase::Write(rocksdb::WriteBatch& batch) {
-  // Something in memory that no log needs to hold. Resuming after a failure begins a new log only
-  // where there is something to flush, and RocksDB aborts when it writes to one that has failed.
-  rocksdb::WriteOptions unlogged;
-  unlogged.disableWAL = true;
-  rocksdb::Status status = db_->Put(unlogged, family(Family::kMeta), kUnloggedKey, "");
   rocksdb::WriteOptions options;
   options.sync = true;
-  if (status.ok()) status = db_->Write(options, &batch);
-  if (!status.ok()) listener_->has_stopped = true;
-  unflushed_ += batch.GetDataSize();
+  rocksdb::Status status = db_->Write(options, &batch);
+  if (!status.ok()) listener_->has_failed = true;
   return status;
 }
 

@@ -53,12 +53,12 @@ class RocksDatabase {
   /// Reads all tables of kMeta against their checksums.
   rocksdb::Status VerifyMeta() const;
 
-  /// To be called before a write; both by one thread at a time. Moves what the log holds to tables
-  /// when it is long, and after an error, as of a full disk, before which nothing is written again.
-  rocksdb::Status PrepareToWrite();
-
-  /// Returns when all is on disk.
+  /// Returns when all is on disk. Once it fails, as on a full disk, has_failed is to be heeded.
   rocksdb::Status Write(rocksdb::WriteBatch& batch);
+
+  /// Whether nothing may be written until the database is opened again. (RocksDB's own Resume would
+  /// at times wait for ever, and at times write on to a log that ends in half a commit.)
+  bool has_failed() const;
 
  private:
   class ErrorListener;
@@ -69,7 +69,6 @@ class RocksDatabase {
   std::shared_ptr<ErrorListener> listener_;
   std::unique_ptr<rocksdb::DB> db_;
   std::array<rocksdb::ColumnFamilyHandle*, kFamilyCount> handles_ = {};
-  size_t unflushed_ = 0;  ///< bytes
 };
 
 /// One line: the store, what of it is concerned ("tile 1/..."), the cause, the remedy.

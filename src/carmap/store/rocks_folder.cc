@@ -52,6 +52,21 @@ FilesSeen LookAt(const fs::path& database) {
   return seen;
 }
 
+absl::Status CheckRoom(const fs::path& database) {
+  constexpr uintmax_t kMore = 4 << 20;
+  std::error_code error;
+  uintmax_t needed = kMore;
+  for (const std::string& log : LookAt(database).logs) {
+    const uintmax_t size = fs::file_size(database / log, error);
+    if (!error) needed += size;
+  }
+  const fs::space_info space = fs::space(database, error);
+  if (error || space.available >= needed) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      fmt::format("{}: the disk is full ({} bytes are free of {} needed); make room and try again",
+                  database.parent_path().string(), space.available, needed));
+}
+
 Descriptor::Descriptor(Descriptor&& other) noexcept : value_(std::exchange(other.value_, -1)) {}
 
 Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {

@@ -31,6 +31,9 @@ struct FilesSeen {
 };
 FilesSeen LookAt(const std::filesystem::path& database);
 
+/// Whether there is room to move what is in logs to tables. Errors: ResourceExhausted.
+absl::Status CheckRoom(const std::filesystem::path& database);
+
 /// An open file descriptor.
 class Descriptor {
  public:

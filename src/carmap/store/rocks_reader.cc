@@ -21,8 +21,9 @@ std::string After(char prefix) { return std::string(1, static_cast<char>(prefix 
 
 }  // namespace
 
-RocksReader::RocksReader(const RocksDatabase& database, std::filesystem::path folder)
-    : database_(database), folder_(std::move(folder)), snapshot_(&database.db()) {
+RocksReader::RocksReader(std::shared_ptr<const RocksDatabase> database,
+                         std::filesystem::path folder)
+    : database_(std::move(database)), folder_(std::move(folder)), snapshot_(&database_->db()) {
   at_snapshot_.snapshot = snapshot_.snapshot();
   at_snapshot_.verify_checksums = true;
 }
@@ -165,7 +166,7 @@ absl::Status RocksReader::Scan(
   rocksdb::ReadOptions options = at_snapshot_;
   options.iterate_upper_bound = &upper_bound;
   const std::unique_ptr<rocksdb::Iterator> iterator(
-      database_.db().NewIterator(options, database_.family(family)));
+      database_->db().NewIterator(options, database_->family(family)));
   for (iterator->Seek(begin); iterator->Valid(); iterator->Next()) {
     CARMAP_RETURN_IF_ERROR(visit(View(iterator->key()), View(iterator->value())));
   }
@@ -175,8 +176,8 @@ absl::Status RocksReader::Scan(
 absl::StatusOr<std::optional<std::string>> RocksReader::Find(Family family, std::string_view key,
                                                              std::string_view what) const {
   std::string value;
-  const rocksdb::Status status = database_.db().Get(at_snapshot_, database_.family(family),
-                                                    rocksdb::Slice(key.data(), key.size()), &value);
+  const rocksdb::Status status = database_->db().Get(
+      at_snapshot_, database_->family(family), rocksdb::Slice(key.data(), key.size()), &value);
   if (status.IsNotFound()) return std::nullopt;
   CARMAP_RETURN_IF_ERROR(Translate(status, folder_, what));
   return value;

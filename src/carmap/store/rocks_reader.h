@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -21,8 +22,8 @@ namespace carmap {
 
 class RocksReader final : public MapReader {
  public:
-  /// Messages name the folder. The database must outlive the reader.
-  RocksReader(const RocksDatabase& database, std::filesystem::path folder);
+  /// Messages name the folder.
+  RocksReader(std::shared_ptr<const RocksDatabase> database, std::filesystem::path folder);
 
   absl::StatusOr<std::string> Header() const override;
   absl::StatusOr<std::optional<StoredTile>> ReadTile(TileId tile) const override;
@@ -57,7 +58,7 @@ class RocksReader final : public MapReader {
   /// A tile's bytes or words, which must be of the version.
   absl::StatusOr<std::string> ReadVersioned(Family family, const TileVersion& version) const;
 
-  const RocksDatabase& database_;
+  std::shared_ptr<const RocksDatabase> database_;
   std::filesystem::path folder_;
   rocksdb::ManagedSnapshot snapshot_;
   rocksdb::ReadOptions at_snapshot_;

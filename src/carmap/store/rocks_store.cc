@@ -23,6 +23,59 @@ namespace fs = std::filesystem;
 
 constexpr std::string_view kMetadata = "the store's metadata";
 
+/// That the format is known, and that nothing is missing which was acknowledged.
+absl::Status CheckContents(const std::shared_ptr<RocksDatabase>& database, const fs::path& folder,
+                           std::optional<uint64_t> acknowledged) {
+  CARMAP_RETURN_IF_ERROR(Translate(database->VerifyMeta(), folder, kMetadata));
+  const RocksReader reader(database, folder);
+  CARMAP_ASSIGN_OR_RETURN(const uint32_t format, reader.Format());
+  if (format > kStoreFormat) {
+    return absl::UnimplementedError(
+        fmt::format("{}: made by a newer version (format {}, this one reads {}); upgrade carmap",
+                    folder.string(), format, kStoreFormat));
+  }
+  CARMAP_RETURN_IF_ERROR(reader.Header().status());
+  CARMAP_ASSIGN_OR_RETURN(const uint64_t sequence, reader.Sequence());
+  if (sequence < acknowledged.value_or(0)) {
+    return Damaged(folder, kMetadata,
+                   fmt::format("commits {} to {} are missing", sequence + 1, *acknowledged));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::shared_ptr<RocksDatabase>> OpenChecked(const fs::path& folder,
+                                                           DatabaseAccess access) {
+  // Before the database, to which a writer beside this process may add.
+  const auto acknowledged = AcknowledgedRecord::Read(DatabaseIn(folder));
+  CARMAP_ASSIGN_OR_RETURN(std::shared_ptr<RocksDatabase> database,
+                          RocksDatabase::Open(DatabaseIn(folder), access));
+  CARMAP_RETURN_IF_ERROR(CheckContents(database, folder, acknowledged));
+  return database;
+}
+
+/// Opens a store to read in which some table is damaged, if metadata and log are whole.
+absl::StatusOr<std::shared_ptr<RocksDatabase>> OpenDamaged(const fs::path& folder,
+                                                           DatabaseAccess access) {
+  if (!AcknowledgedRecord::Read(DatabaseIn(folder))) {
+    return Damaged(folder, kMetadata, "a table and the record of what was acknowledged");
+  }
+  CARMAP_RETURN_IF_ERROR(OpenChecked(folder, DatabaseAccess::kReadMeta).status());
+  return RocksDatabase::Open(DatabaseIn(folder), access);
+}
+
+absl::StatusOr<std::shared_ptr<RocksDatabase>> OpenReadable(const fs::path& folder) {
+  auto database = OpenChecked(folder, DatabaseAccess::kRead);
+  if (!absl::IsDataLoss(database.status())) return database;
+  return OpenDamaged(folder, DatabaseAccess::kReadDamaged);
+}
+
+/// Of which metadata and log are known to be whole.
+absl::StatusOr<std::shared_ptr<RocksDatabase>> OpenWritable(const fs::path& folder) {
+  auto database = RocksDatabase::Open(DatabaseIn(folder), DatabaseAccess::kWrite);
+  if (!absl::IsDataLoss(database.status())) return database;
+  return OpenDamaged(folder, DatabaseAccess::kWriteDamaged);
+}
+
 /// What only a store that may be written has.
 struct Writer {
   Descriptor lock;
@@ -32,7 +85,7 @@ struct Writer {
 
 class RocksStore final : public SnapshotReads {
  public:
-  RocksStore(fs::path folder, std::unique_ptr<RocksDatabase> database, std::optional<Writer> writer)
+  RocksStore(fs::path folder, std::shared_ptr<RocksDatabase> database, std::optional<Writer> writer)
       : folder_(std::move(folder)), writer_(std::move(writer)), database_(std::move(database)) {}
 
   absl::StatusOr<uint64_t> Apply(const Commit& commit) override {
@@ -48,13 +101,14 @@ class RocksStore final : public SnapshotReads {
   }
 
   std::unique_ptr<const MapReader> Snapshot() const override {
-    return std::make_unique<RocksReader>(*database_, folder_);
+    const std::lock_guard lock(database_mutex_);
+    return std::make_unique<RocksReader>(database_, folder_);
   }
 
   absl::Status DropPatches(size_t kept) override {
     const std::lock_guard lock(mutex_);
     CARMAP_RETURN_IF_ERROR(PrepareToWrite());
-    const RocksReader reader(*database_, folder_);
+    const RocksReader reader(database_, folder_);
     CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, reader.ListTiles());
     rocksdb::WriteBatch batch;
     for (const TileVersion& tile : tiles) {
@@ -71,11 +125,40 @@ class RocksStore final : public SnapshotReads {
       return absl::FailedPreconditionError(
           fmt::format("{}: opened to read only; open it to write", folder_.string()));
     }
-    return Translate(database_->PrepareToWrite(), folder_, "the store");
+    return database_->has_failed() ? Reopen() : absl::OkStatus();
+  }
+
+  /// Replaces a database that takes no more. Until another is there, readers keep the one they
+  /// have.
+  absl::Status Reopen() {
+    CARMAP_RETURN_IF_ERROR(CheckRoom(DatabaseIn(folder_)));
+    const std::lock_guard lock(database_mutex_);
+    CARMAP_RETURN_IF_ERROR(WaitForReaders());
+    CARMAP_ASSIGN_OR_RETURN(std::shared_ptr<RocksDatabase> readable, OpenReadable(folder_));
+    database_.reset();
+    auto writable = OpenWritable(folder_);
+    database_ = writable.ok() ? *std::move(writable) : std::move(readable);
+    CARMAP_RETURN_IF_ERROR(writable.status());
+    CARMAP_ASSIGN_OR_RETURN(writer_->sequence, RocksReader(database_, folder_).Sequence());
+    return absl::OkStatus();
+  }
+
+  /// Those that read in this moment; snapshots may last.
+  absl::Status WaitForReaders() const {
+    constexpr int kAttempts = 100;
+    constexpr std::chrono::milliseconds kPause(2);
+    for (int i = 0; i < kAttempts && database_.use_count() > 1; ++i) {
+      std::this_thread::sleep_for(kPause);
+    }
+    if (database_.use_count() == 1) return absl::OkStatus();
+    return absl::UnavailableError(
+        fmt::format("{}: a write has failed, and none follows while {} snapshots are read; "
+                    "release them and try again",
+                    folder_.string(), database_.use_count() - 1));
   }
 
   absl::Status Check(const Commit& commit) const {
-    const RocksReader reader(*database_, folder_);
+    const RocksReader reader(database_, folder_);
     return CheckCommit(commit,
                        {folder_.string(), [&](TileId tile) { return reader.FindTile(tile); },
                         [&](std::string_view key) { return reader.HasContribution(key); }});
@@ -131,9 +214,10 @@ class RocksStore final : public SnapshotReads {
   }
 
   const fs::path folder_;
-  std::mutex mutex_;  ///< of all that follows, but for reading
+  std::mutex mutex_;  ///< of those who write; before database_mutex_
   std::optional<Writer> writer_;
-  const std::unique_ptr<RocksDatabase> database_;
+  mutable std::mutex database_mutex_;  ///< of which database it is
+  std::shared_ptr<RocksDatabase> database_;
 };
 
 fs::path UnfinishedIn(const fs::path& folder) { return folder / "rocksdb.new"; }
@@ -153,62 +237,29 @@ absl::Status CheckHoldsStore(const fs::path& folder) {
   return absl::OkStatus();
 }
 
-/// That the format is known, and that nothing is missing which was acknowledged.
-absl::Status CheckContents(const RocksDatabase& database, const fs::path& folder,
-                           std::optional<uint64_t> acknowledged) {
-  CARMAP_RETURN_IF_ERROR(Translate(database.VerifyMeta(), folder, kMetadata));
-  const RocksReader reader(database, folder);
-  CARMAP_ASSIGN_OR_RETURN(const uint32_t format, reader.Format());
-  if (format > kStoreFormat) {
-    return absl::UnimplementedError(
-        fmt::format("{}: made by a newer version (format {}, this one reads {}); upgrade carmap",
-                    folder.string(), format, kStoreFormat));
-  }
-  CARMAP_RETURN_IF_ERROR(reader.Header().status());
-  CARMAP_ASSIGN_OR_RETURN(const uint64_t sequence, reader.Sequence());
-  if (sequence < acknowledged.value_or(0)) {
-    return Damaged(folder, kMetadata,
-                   fmt::format("commits {} to {} are missing", sequence + 1, *acknowledged));
-  }
-  return absl::OkStatus();
-}
-
-absl::StatusOr<std::unique_ptr<RocksDatabase>> OpenChecked(const fs::path& folder,
-                                                           DatabaseAccess access) {
-  // Before the database, to which a writer beside this process may add.
-  const auto acknowledged = AcknowledgedRecord::Read(DatabaseIn(folder));
-  CARMAP_ASSIGN_OR_RETURN(auto database, RocksDatabase::Open(DatabaseIn(folder), access));
-  CARMAP_RETURN_IF_ERROR(CheckContents(*database, folder, acknowledged));
-  return database;
-}
-
-/// Opens a store to read in which some table is damaged, if metadata and log are whole.
-absl::StatusOr<std::unique_ptr<RocksDatabase>> OpenDamaged(const fs::path& folder,
-                                                           DatabaseAccess access) {
-  if (!AcknowledgedRecord::Read(DatabaseIn(folder))) {
-    return Damaged(folder, kMetadata, "a table and the record of what was acknowledged");
-  }
-  CARMAP_RETURN_IF_ERROR(OpenChecked(folder, DatabaseAccess::kReadMeta).status());
-  return RocksDatabase::Open(DatabaseIn(folder), access);
-}
-
-/// Unavailable if a writer beside this process began or removed a log meanwhile: commits that it
-/// moved to tables could then be found in neither. New tables do no harm, unless one is missed.
-absl::StatusOr<std::unique_ptr<RocksDatabase>> OpenUndisturbed(const fs::path& folder) {
+/// Unavailable if a writer beside this process removed a log meanwhile: the commits that it held
+/// could be missing here, being in a table that is newer than the list of tables that was read.
+absl::StatusOr<std::shared_ptr<RocksDatabase>> OpenUndisturbed(const fs::path& folder) {
   const FilesSeen before = LookAt(DatabaseIn(folder));
   auto database = OpenChecked(folder, DatabaseAccess::kRead);
-  if (database.ok() && LookAt(DatabaseIn(folder)).logs == before.logs) return database;
-  if (absl::IsDataLoss(database.status())) {
-    database = OpenDamaged(folder, DatabaseAccess::kReadDamaged);
+  FilesSeen after = LookAt(DatabaseIn(folder));
+  if (database.ok() &&
+      std::includes(after.logs.begin(), after.logs.end(), before.logs.begin(), before.logs.end())) {
+    return database;
   }
-  if (LookAt(DatabaseIn(folder)) == before) return database;
+  // What looks like damage is none if tables were replaced.
+  if (after == before && absl::IsDataLoss(database.status())) {
+    database = OpenDamaged(folder, DatabaseAccess::kReadDamaged);
+    after = LookAt(DatabaseIn(folder));
+  }
+  if (after == before) return database;
   return absl::UnavailableError(
       fmt::format("{}: another process writes too much; try again", folder.string()));
 }
 
 absl::StatusOr<std::unique_ptr<MapStore>> OpenToRead(const fs::path& folder) {
-  constexpr int kAttempts = 50;
-  constexpr std::chrono::milliseconds kPause(20);
+  constexpr int kAttempts = 100;
+  constexpr std::chrono::milliseconds kPause(10);
   auto database = OpenUndisturbed(folder);
   for (int i = 1; i < kAttempts && absl::IsUnavailable(database.status()); ++i) {
     std::this_thread::sleep_for(kPause);
@@ -222,15 +273,11 @@ absl::StatusOr<std::unique_ptr<MapStore>> OpenToRead(const fs::path& folder) {
 /// lost its last commits would remove what they could be restored from.
 absl::StatusOr<std::unique_ptr<MapStore>> OpenToWrite(const fs::path& folder, Descriptor lock) {
   CARMAP_RETURN_IF_ERROR(OpenChecked(folder, DatabaseAccess::kReadMeta).status());
-  auto database = RocksDatabase::Open(DatabaseIn(folder), DatabaseAccess::kWrite);
-  if (absl::IsDataLoss(database.status())) {
-    database = OpenDamaged(folder, DatabaseAccess::kWriteDamaged);
-  }
-  CARMAP_RETURN_IF_ERROR(database.status());
-  CARMAP_ASSIGN_OR_RETURN(const uint64_t sequence, RocksReader(**database, folder).Sequence());
+  CARMAP_ASSIGN_OR_RETURN(auto database, OpenWritable(folder));
+  CARMAP_ASSIGN_OR_RETURN(const uint64_t sequence, RocksReader(database, folder).Sequence());
   CARMAP_ASSIGN_OR_RETURN(auto acknowledged, AcknowledgedRecord::Open(DatabaseIn(folder)));
   acknowledged.Write(sequence);
-  return std::make_unique<RocksStore>(folder, *std::move(database),
+  return std::make_unique<RocksStore>(folder, std::move(database),
                                       Writer{std::move(lock), std::move(acknowledged), sequence});
 }
 
