@@ -112,23 +112,37 @@ nlohmann::ordered_json ToJson(const std::string& path, const Added& added) {
                                  {"wall_s", added.wall_s}};
   for (const DriveId& drive : made.drives) json["drives"].push_back(ToHex(drive));
   if (made.fit) json["fit"] = ToJson(*made.fit);
+  if (made.gps_offset_m) json["gps_offset_m"] = *made.gps_offset_m;
   return json;
+}
+
+/// Whether the segment's fixes are about where it was fitted; if not, says so on standard error.
+bool CheckGpsOffset(const std::string& path, const Contribution& made) {
+  constexpr double kMaxOffsetM = 25;  // more than GPS errs in the mean of a drive, in a town
+  if (!made.gps_offset_m || *made.gps_offset_m <= kMaxOffsetM) return true;
+  PrintProblem(fmt::format(
+      "{}: was added, but its fixes lie {:.0f} m (median) from where the base's landmarks put it; "
+      "the fixes of one of the two are wrong",
+      path, *made.gps_offset_m));
+  return false;
 }
 
 /// Each segment by itself: one that is refused costs none of the others.
 absl::StatusOr<ExitCode> Add(const Arguments& arguments) {
   std::vector<std::string> inputs = arguments.segments;
-  inputs.push_back(arguments.base);
+  AddFiles(FoldersOfBase(arguments.base), inputs);
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.report, arguments.picture}, inputs));
   CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadWrite));
   nlohmann::ordered_json report = {{"added", nlohmann::ordered_json::array()},
                                    {"refused", nlohmann::ordered_json::array()}};
   std::vector<DriveId> drives;
+  bool agrees_with_gps = true;
   Progress progress("adding", arguments.segments.size());
   for (const std::string& path : arguments.segments) {
     const auto added = AddSegment(path, arguments, *base);
     if (added.ok()) {
       PrintAdded(path, *added);
+      agrees_with_gps &= CheckGpsOffset(path, added->contribution);
       std::fflush(stdout);  // it is in the base, whatever happens to this process
       report["added"].push_back(ToJson(path, *added));
       drives.insert(drives.end(), added->contribution.drives.begin(),
@@ -149,19 +163,19 @@ absl::StatusOr<ExitCode> Add(const Arguments& arguments) {
               [&] { return WriteBasePicture(arguments.picture, *base, {}, drives); });
   const bool is_written = files.Finish();
   if (report["added"].empty()) return kError;
-  return is_written && report["refused"].empty() ? kSuccess : kIncomplete;
+  return is_written && report["refused"].empty() && agrees_with_gps ? kSuccess : kIncomplete;
 }
 
 // Looking.
 
 struct ComponentSize {
   Component component;
-  size_t tiles = 0, keyframes = 0, landmarks = 0;
+  size_t tiles = 0, damaged = 0, keyframes = 0, landmarks = 0;
   std::set<DriveId> drives;
-  double path_m = 0;
   uint64_t bytes = 0;
 };
 
+/// Of tiles that cannot be read it says so on standard error, and leaves them out.
 absl::StatusOr<std::vector<ComponentSize>> Measure(const BaseMap& base) {
   CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, base.Components());
   CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base.reader().ListTiles());
@@ -170,14 +184,20 @@ absl::StatusOr<std::vector<ComponentSize>> Measure(const BaseMap& base) {
     ComponentSize& size = sizes.emplace_back(ComponentSize{.component = component});
     for (const TileVersion& version : tiles) {
       if (version.tile.component != component.id || version.is_removed) continue;
+      const auto read = base.Read(version.tile);
+      if (absl::IsDataLoss(read.status())) {
+        PrintProblem(std::string(read.status().message()));
+        ++size.damaged;
+        continue;
+      }
+      CARMAP_RETURN_IF_ERROR(read.status());
+      const Tile& tile = **read;
       CARMAP_ASSIGN_OR_RETURN(const auto stored, base.reader().ReadTile(version.tile));
-      CARMAP_ASSIGN_OR_RETURN(const auto tile, base.Read(version.tile));
       ++size.tiles;
       size.bytes += stored->bytes.size();
-      size.landmarks += tile->map.landmarks.size();
-      size.path_m += PathLengthM(tile->map);
-      for (const LeanKeyframe& keyframe : tile->map.keyframes) size.keyframes += !keyframe.is_stub;
-      for (const LeanDrive& drive : tile->map.drives) size.drives.insert(drive.id);
+      size.landmarks += tile.map.landmarks.size();
+      for (const LeanKeyframe& keyframe : tile.map.keyframes) size.keyframes += !keyframe.is_stub;
+      for (const LeanDrive& drive : tile.map.drives) size.drives.insert(drive.id);
     }
   }
   return sizes;
@@ -191,7 +211,7 @@ nlohmann::ordered_json ToJson(const ComponentSize& size) {
 }
 
 absl::StatusOr<ExitCode> Info(const Arguments& arguments) {
-  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.picture}, {arguments.base}));
+  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.picture}, FoldersOfBase(arguments.base)));
   CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadOnly));
   CARMAP_ASSIGN_OR_RETURN(const std::vector<ComponentSize> sizes, Measure(*base));
   CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> log, ReadLog(base->reader()));
@@ -215,7 +235,9 @@ absl::StatusOr<ExitCode> Info(const Arguments& arguments) {
   OutputFiles files;
   files.Write(arguments.picture,
               [&] { return WriteBasePicture(arguments.picture, *base, arguments.component, {}); });
-  return files.Finish() ? kSuccess : kIncomplete;
+  const bool is_whole = std::all_of(sizes.begin(), sizes.end(),
+                                    [](const ComponentSize& size) { return size.damaged == 0; });
+  return files.Finish() && is_whole ? kSuccess : kIncomplete;
 }
 
 absl::StatusOr<ExitCode> Log(const Arguments& arguments) {
@@ -279,7 +301,7 @@ absl::StatusOr<ExitCode> Verify(const Arguments& arguments) {
 }
 
 absl::StatusOr<ExitCode> Export(const Arguments& arguments) {
-  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out}, {arguments.base}));
+  CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out}, FoldersOfBase(arguments.base)));
   CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadOnly));
   CARMAP_ASSIGN_OR_RETURN(const std::vector<ComponentSize> sizes, Measure(*base));
   const auto chosen =
@@ -313,6 +335,10 @@ absl::StatusOr<ExitCode> Revert(const Arguments& arguments) {
   fmt::print("reverted      {}: {} and {} removed, {} as before; {} changed\n", made.name,
              Count(made.keyframes_removed, "keyframe"), Count(made.landmarks_removed, "landmark"),
              Count(made.landmarks_restored, "landmark"), Count(made.tiles.size(), "tile"));
+  if (made.keyframes_kept > 0) {
+    fmt::print("  kept        {}, on which landmarks of other drives hang\n",
+               Count(made.keyframes_kept, "keyframe"));
+  }
   return kSuccess;
 }
 
@@ -378,8 +404,11 @@ keyframes stay and the segment bends to them; what both saw is kept once; keyfra
 where the base has none. A segment that contradicts the base, that fits in two places, or whose
 drive is suspect, is refused with the reason.
 
-Exit codes: 0 done, 1 nothing was added, 2 wrong usage, 3 some were added but not all, or a file could
-not be written)");
+What is far from its fixes once it is fitted is added, and a line says so: one of the two is wrong.
+
+Exit codes: 0 done, 1 nothing was added (or only standard output cannot be written; `carmap base log`
+tells), 2 wrong usage, 3 some were added but not all, fixes contradict the base, or a file could not be
+written)");
 
   CLI::App* info = AddAction(*base, "info", "Say what a base holds", Info, arguments, chosen);
   info->add_flag("--json", arguments->json, "Print JSON");
@@ -387,7 +416,9 @@ not be written)");
       ->type_name("N");
   info->add_option("--picture", arguments->picture, "Draw a component from above, with its tiles")
       ->type_name("P.png");
-  info->footer("Exit codes: 0 done, 1 error, 2 wrong usage, 3 the picture could not be written");
+  info->footer(
+      "Exit codes: 0 done, 1 error, 2 wrong usage, 3 a tile is damaged or the picture could not be "
+      "written");
 
   CLI::App* log = AddAction(*base, "log", "Tell who changed what, when", Log, arguments, chosen);
   log->add_flag("--json", arguments->json, "Print JSON, with all tiles and versions");
@@ -417,10 +448,12 @@ Exit codes: 0 sound (or all repaired), 1 damaged, or an error, 2 wrong usage)");
       ->add_option("DRIVE", arguments->drive, "Its drive: first digits of the id that `log` tells")
       ->required();
   revert->footer(
-      R"(What nobody touched since becomes what it was before, to the last bit. Of what others changed later
-only the drive's own keyframes and landmarks go. The history keeps both steps.
+      R"(What nobody touched since becomes what it was before, to the last bit. Of what others changed later,
+what the drive alone saw goes; keyframes of it on which landmarks of others hang stay. The history
+keeps both steps.
 
-Exit codes: 0 done, 1 error (nothing is changed), 2 wrong usage)");
+Exit codes: 0 done, 1 error (nothing is changed, unless only standard output cannot be written), 2
+wrong usage)");
 
   CLI::App* explain = AddAction(*base, "explain", "Tell the history of a landmark or a place",
                                 Explain, arguments, chosen);

@@ -479,7 +479,7 @@ absl::Status NoFrameFound(const LocalizedDrive& localized, const Arguments& argu
 
 absl::Status CheckFiles(const Arguments& arguments) {
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
-  inputs.push_back(arguments.map);
+  AddFiles(FoldersOfBase(arguments.map), inputs);
   if (!arguments.map_truth.empty()) {
     AddFiles(FilesOfDrive(arguments.map_truth), inputs);
   }

@@ -59,6 +59,15 @@ std::vector<std::string> FilesOfDrive(const std::string& folder) {
   return files;
 }
 
+std::vector<std::string> FoldersOfBase(const std::string& folder) {
+  std::vector<std::string> folders = {folder};
+  std::error_code error;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder, error)) {
+    if (entry.is_directory(error)) folders.push_back(entry.path().string());
+  }
+  return folders;
+}
+
 void AddFiles(const std::vector<std::string>& files, std::vector<std::string>& inputs) {
   inputs.insert(inputs.end(), files.begin(), files.end());
 }

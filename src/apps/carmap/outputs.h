@@ -21,6 +21,9 @@ absl::Status WithName(const std::string& name, const absl::Status& status);
 /// The files and folders of a drive that an output must not change.
 std::vector<std::string> FilesOfDrive(const std::string& folder);
 
+/// The folders of a base map that no output may lie in.
+std::vector<std::string> FoldersOfBase(const std::string& folder);
+
 /// Appends the files to the inputs.
 void AddFiles(const std::vector<std::string>& files, std::vector<std::string>& inputs);
 

@@ -92,12 +92,24 @@ absl::StatusOr<std::vector<CandidateTiles>> CandidatesByWords(
   std::vector<CandidateTiles> candidates;  // in the order of their best tiles
   if (components.empty()) return candidates;
   std::vector<ScoredTile> scored;
-  CARMAP_RETURN_IF_ERROR(base.reader().VisitWords([&](TileId tile, std::string_view bytes) {
+  const auto score = [&](TileId tile, const std::vector<uint32_t>& words) {
     if (!components.contains(tile.component)) return;
-    const auto words = DecodeWords(bytes);
-    if (!words.ok()) return;  // costs no more than that this tile is not proposed
-    scored.push_back({Score(vocabulary, words_of_frames, *words), tile});
-  }));
+    scored.push_back({Score(vocabulary, words_of_frames, words), tile});
+  };
+  const absl::Status visited = base.reader().VisitWords([&](TileId tile, std::string_view bytes) {
+    // Words that are damaged cost no more than that this tile is not proposed.
+    if (const auto words = DecodeWords(bytes); words.ok()) score(tile, *words);
+  });
+  if (absl::IsDataLoss(visited)) {  // they follow from the tiles
+    scored.clear();
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base.reader().ListTiles());
+    for (const TileVersion& version : tiles) {
+      const auto tile = base.Read(version.tile);
+      if (tile.ok() && *tile) score(version.tile, WordsOf(vocabulary, (*tile)->map));
+    }
+  } else {
+    CARMAP_RETURN_IF_ERROR(visited);
+  }
   const size_t kept = std::min(scored.size(), max_tiles);
   std::partial_sort(scored.begin(), scored.begin() + static_cast<ptrdiff_t>(kept), scored.end(),
                     [](const ScoredTile& a, const ScoredTile& b) {

@@ -5,11 +5,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
 
 #include "carmap/base/status_macros.h"
+#include "carmap/base/summary.h"
 #include "carmap/feature/default_vocabulary.h"
 #include "carmap/ingest/candidate_tiles.h"
 #include "carmap/ingest/changes.h"
@@ -118,6 +120,23 @@ absl::StatusOr<std::vector<TileId>> TilesOf(uint32_t component, const MapReader&
   return tiles;
 }
 
+/// Nothing without fixes, or in a component without GPS.
+std::optional<double> GpsOffsetM(const LeanMap& segment, const LeanMap& fitted,
+                                 const MapView& view) {
+  if (!view.grid().is_on_earth) return std::nullopt;
+  const Rigid3 view_from_root = view.root_from_view().Inverse();
+  std::vector<double> offsets_m;
+  for (size_t i = 0; i < segment.keyframes.size(); ++i) {
+    if (!segment.keyframes[i].gps) continue;
+    const Eigen::Vector3d offset =
+        view_from_root * EcefFromEnu(*segment.keyframes[i].gps).translation -
+        fitted.keyframes[i].map_from_camera.translation;
+    offsets_m.push_back(std::hypot(offset.x(), offset.z()));
+  }
+  if (offsets_m.empty()) return std::nullopt;
+  return Summarize(std::move(offsets_m)).median;
+}
+
 /// Records of `of` that `in` does not have; both ascending by id.
 size_t CountMissing(const std::vector<LeanLandmark>& of, const std::vector<LeanLandmark>& in) {
   size_t missing = 0;
@@ -203,6 +222,7 @@ class Contributor {
     CARMAP_RETURN_IF_ERROR(Take(candidate.component, *placed));
     made_.component = candidate.component.id;
     made_.fit = placed->fitted.report;
+    made_.gps_offset_m = GpsOffsetM(segment_, placed->fitted.diff.drive, placed->view);
     made_.keyframes_added = added_keyframes_;
     made_.landmarks_added = added_landmarks_;
     made_.landmarks_replaced = replaced_landmarks_;

@@ -36,9 +36,11 @@ struct Contribution {
   std::string name;
   std::vector<DriveId> drives;
   uint32_t component = 0;
-  bool is_new_component = false;   ///< it touches nothing that was there
-  std::vector<uint32_t> joined;    ///< components that it connects to its own, which they became
-  std::optional<FitReport> fit;    ///< absent for a new component
+  bool is_new_component = false;  ///< it touches nothing that was there
+  std::vector<uint32_t> joined;   ///< components that it connects to its own, which they became
+  std::optional<FitReport> fit;   ///< absent for a new component
+  /// Between the segment's fixes and where it was fitted on the Earth, horizontally, the median.
+  std::optional<double> gps_offset_m;
   size_t keyframes = 0;            ///< of the segment
   size_t landmarks = 0;            ///< of the segment
   size_t keyframes_added = 0;      ///< the others stand where the base has one

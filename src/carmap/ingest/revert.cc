@@ -19,8 +19,9 @@
 namespace carmap {
 namespace {
 
-absl::StatusOr<LoggedChange> FindContribution(const std::string& drive, const BaseMap& base) {
-  CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> log, ReadLog(base.reader()));
+absl::StatusOr<LoggedChange> FindContribution(const std::string& drive,
+                                              const std::vector<LoggedChange>& log,
+                                              const BaseMap& base) {
   std::optional<LoggedChange> found;
   for (const LoggedChange& change : log) {
     const bool is_of_drive =
@@ -46,111 +47,172 @@ absl::StatusOr<LoggedChange> FindContribution(const std::string& drive, const Ba
                   base.name(), drive, base.name()));
 }
 
+/// Drives that were added and not taken back, in hexadecimal digits.
+std::set<std::string> ContributedDrives(const std::vector<LoggedChange>& log) {
+  std::set<std::string> drives;
+  for (const LoggedChange& change : log) {
+    for (const std::string& drive : change.drives) {
+      if (change.kind == "add") drives.insert(drive);
+      if (change.kind == "revert") drives.erase(drive);
+    }
+  }
+  return drives;
+}
+
+/// Whether a later contribution moved the tile into another component.
+bool WasJoined(const TileVersion& tile, const std::vector<LoggedChange>& log) {
+  return std::any_of(log.begin(), log.end(), [&](const LoggedChange& change) {
+    return change.kind == "add" &&
+           std::any_of(change.tiles.begin(), change.tiles.end(), [&](const TileVersion& removed) {
+             return removed.is_removed && removed.tile == tile.tile &&
+                    removed.version > tile.version;
+           });
+  });
+}
+
 /// The landmark as the keyframes of this map see it, for comparison across maps.
 struct Sighting {
   std::vector<KeyframeId> seen_by;
   KeyframeId anchor;
   Eigen::Vector3d p_in_anchor;
+  uint8_t drive_count = 0;
 
   Sighting(const LeanMap& map, const LeanLandmark& landmark)
       : anchor(map.keyframes[landmark.anchor_idx].id),
-        p_in_anchor(PositionInAnchor(map, landmark)) {
+        p_in_anchor(PositionInAnchor(map, landmark)),
+        drive_count(landmark.drive_count) {
     for (const uint32_t idx : landmark.keyframe_idxs) seen_by.push_back(map.keyframes[idx].id);
   }
   bool operator==(const Sighting& other) const {
-    return seen_by == other.seen_by && anchor == other.anchor &&
+    return seen_by == other.seen_by && anchor == other.anchor && drive_count == other.drive_count &&
            (p_in_anchor - other.p_in_anchor).norm() < 1e-5;
   }
 };
 
-/// One tile without what one contribution made of it.
+/// One tile without what one contribution made of it. What others have come to rely on stays:
+/// landmarks of the contribution that they saw too, and keyframes on which their landmarks hang.
 class TileReversion {
  public:
-  /// `drives` are those of the contribution, in hexadecimal digits.
+  /// `drives` are those of the contribution, `others` those that remain, in hexadecimal digits.
   TileReversion(const Tile& now, const Patch& patch, const Patch& inverse,
-                const std::set<std::string>& drives)
-      : now_(now), patch_(patch), inverse_(inverse), drives_(drives) {}
+                const std::set<std::string>& drives, const std::set<std::string>& others)
+      : now_(now), patch_(patch), inverse_(inverse), drives_(drives), others_(others) {}
 
   absl::StatusOr<Tile> Run(Reversion& made) {
     Patch undo{.tile = now_.id, .from_version = now_.version, .to_version = now_.version + 1};
-    for (const LeanLandmark& before : inverse_.put.landmarks) {
-      if (IsAsTheContributionLeftIt(before.id)) restored_[before.id] = {&inverse_.put, before};
-    }
-    made.landmarks_restored += restored_.size();
+    for (const LeanLandmark& before : inverse_.put.landmarks) Restore(before);
+    made.landmarks_restored += becomes_.size();
     for (const LeanLandmark& landmark : now_.map.landmarks) {
-      if (!IsOfContribution(landmark.id.drive) &&
-          (restored_.contains(landmark.id) || Strip(landmark))) {
-        continue;
+      if (!becomes_.contains(landmark.id) && !Keep(landmark)) {
+        undo.removed_landmarks.push_back(landmark.id);
       }
-      undo.removed_landmarks.push_back(landmark.id);
     }
+    StripLists(undo.removed_landmarks);
     for (const LeanKeyframe& keyframe : now_.map.keyframes) {
-      if (!IsOfContribution(keyframe.id.drive)) continue;
-      undo.removed_keyframes.push_back(keyframe.id);
-      made.keyframes_removed += !keyframe.is_stub;
+      const bool is_its_own = drives_.contains(ToHex(keyframe.id.drive));
+      if (Goes(keyframe.id)) {
+        undo.removed_keyframes.push_back(keyframe.id);
+        made.keyframes_removed += is_its_own && !keyframe.is_stub;
+      } else {
+        made.keyframes_kept += is_its_own && !keyframe.is_stub;
+      }
     }
     made.landmarks_removed += undo.removed_landmarks.size();
-    undo.put = RestoredMap();
+    undo.put = PutMap();
     return Applied(undo, now_);
   }
 
  private:
   /// A landmark as it will be, and the map whose keyframes its list means.
-  struct Restored {
+  struct Future {
     const LeanMap* of = nullptr;
     LeanLandmark landmark;
   };
 
-  bool IsOfContribution(DriveId drive) const { return drives_.contains(ToHex(drive)); }
+  /// Of a drive that was added and not taken back.
+  bool Remains(DriveId drive) const { return others_.contains(ToHex(drive)); }
 
   /// What others changed since stays as they left it; what they removed stays away.
   bool IsAsTheContributionLeftIt(LandmarkId id) const {
     const LeanLandmark* put = FindById(patch_.put.landmarks, id);
     const LeanLandmark* now = FindById(now_.map.landmarks, id);
-    if (put == nullptr) return now == nullptr;
+    if (put == nullptr) return now == nullptr && Remains(id.drive);
     return now != nullptr && Sighting(patch_.put, *put) == Sighting(now_.map, *now);
   }
 
-  /// Takes the contribution's keyframes from the landmark's list. False if it then hangs on
-  /// nothing.
-  bool Strip(const LeanLandmark& landmark) {
-    LeanLandmark without = landmark;
-    std::erase_if(without.keyframe_idxs,
-                  [&](uint32_t idx) { return IsOfContribution(now_.map.keyframes[idx].id.drive); });
-    if (without.keyframe_idxs.size() == landmark.keyframe_idxs.size()) return true;
-    if (!std::binary_search(without.keyframe_idxs.begin(), without.keyframe_idxs.end(),
-                            landmark.anchor_idx)) {
-      return false;
+  /// As it was before, if nobody touched it since and its anchor is still there.
+  void Restore(const LeanLandmark& before) {
+    const KeyframeId anchor = inverse_.put.keyframes[before.anchor_idx].id;
+    if (!IsAsTheContributionLeftIt(before.id)) return;
+    if (!Remains(anchor.drive) && !FindById(now_.map.keyframes, anchor)) return;
+    becomes_[before.id] = {&inverse_.put, before};
+    anchors_.insert(anchor);
+  }
+
+  bool WasSeenByTheContribution(LandmarkId id) const {
+    const LeanLandmark* put = FindById(patch_.put.landmarks, id);
+    const LeanLandmark* before = FindById(inverse_.put.landmarks, id);
+    return drives_.contains(ToHex(id.drive)) ||
+           (put != nullptr && before != nullptr && put->drive_count > before->drive_count);
+  }
+
+  /// With one drive less, if the contribution saw it. False if no other did.
+  bool Keep(const LeanLandmark& landmark) {
+    if (WasSeenByTheContribution(landmark.id)) {
+      if (landmark.drive_count == 1) return false;
+      Future& future = becomes_[landmark.id] = {&now_.map, landmark};
+      --future.landmark.drive_count;
     }
-    restored_[landmark.id] = {&now_.map, std::move(without)};
+    anchors_.insert(now_.map.keyframes[landmark.anchor_idx].id);
     return true;
   }
 
-  /// The restored landmarks with the keyframes that they name, where these stand now.
-  LeanMap RestoredMap() const {
+  /// Keyframes of drives that were taken back, unless something hangs on them.
+  bool Goes(KeyframeId keyframe) const {
+    return !Remains(keyframe.drive) && !anchors_.contains(keyframe);
+  }
+
+  void StripLists(const std::vector<LandmarkId>& removed) {
+    const auto strip = [&](const LeanMap& map, LeanLandmark& landmark) {
+      return std::erase_if(landmark.keyframe_idxs,
+                           [&](uint32_t idx) { return Goes(map.keyframes[idx].id); }) > 0;
+    };
+    for (auto& [id, future] : becomes_) strip(*future.of, future.landmark);
+    for (const LeanLandmark& landmark : now_.map.landmarks) {
+      if (becomes_.contains(landmark.id) ||
+          std::binary_search(removed.begin(), removed.end(), landmark.id)) {
+        continue;
+      }
+      LeanLandmark without = landmark;
+      if (strip(now_.map, without)) becomes_[landmark.id] = {&now_.map, without};
+    }
+  }
+
+  /// The landmarks as they will be with the keyframes that they name, where these stand now.
+  LeanMap PutMap() const {
     LeanMap put;
     std::map<KeyframeId, LeanKeyframe> keyframes;
     std::set<DriveId> used;
-    for (const auto& [id, restored] : restored_) {
+    for (const auto& [id, future] : becomes_) {
       used.insert(id.drive);
-      for (const uint32_t idx : restored.landmark.keyframe_idxs) {
-        const LeanKeyframe& then = restored.of->keyframes[idx];
+      for (const uint32_t idx : future.landmark.keyframe_idxs) {
+        const LeanKeyframe& then = future.of->keyframes[idx];
         const LeanKeyframe* now = FindById(now_.map.keyframes, then.id);
         keyframes.emplace(then.id, now != nullptr ? *now : then);
         used.insert(then.id.drive);
       }
     }
     for (const auto& [id, keyframe] : keyframes) put.keyframes.push_back(keyframe);
-    for (const auto& [id, restored] : restored_) {
-      LeanLandmark& landmark = put.landmarks.emplace_back(restored.landmark);
+    for (const auto& [id, future] : becomes_) {
+      LeanLandmark& landmark = put.landmarks.emplace_back(future.landmark);
       const auto place_of = [&](uint32_t idx) {
-        return static_cast<uint32_t>(FindById(put.keyframes, restored.of->keyframes[idx].id) -
+        return static_cast<uint32_t>(FindById(put.keyframes, future.of->keyframes[idx].id) -
                                      put.keyframes.data());
       };
       for (uint32_t& idx : landmark.keyframe_idxs) idx = place_of(idx);
       landmark.anchor_idx = place_of(landmark.anchor_idx);
       landmark.position_in_map = put.keyframes[landmark.anchor_idx].map_from_camera *
-                                 PositionInAnchor(*restored.of, restored.landmark);
+                                 PositionInAnchor(*future.of, future.landmark);
     }
     for (const DriveId& id : used) {
       const LeanDrive* now = FindDrive(now_.map.drives, id);
@@ -161,8 +223,9 @@ class TileReversion {
 
   const Tile& now_;
   const Patch &patch_, &inverse_;
-  const std::set<std::string>& drives_;
-  std::map<LandmarkId, Restored> restored_;
+  const std::set<std::string>&drives_, &others_;
+  std::map<LandmarkId, Future> becomes_;
+  std::set<KeyframeId> anchors_;  ///< of all landmarks that stay
 };
 
 /// The tile's patch of this version.
@@ -179,21 +242,26 @@ absl::StatusOr<StoredPatch> PatchTo(const TileVersion& version, const BaseMap& b
 }  // namespace
 
 absl::StatusOr<Reversion> Revert(const std::string& drive, BaseMap& base) {
-  CARMAP_ASSIGN_OR_RETURN(const LoggedChange added, FindContribution(drive, base));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> log, ReadLog(base.reader()));
+  CARMAP_ASSIGN_OR_RETURN(const LoggedChange added, FindContribution(drive, log, base));
   const std::set<std::string> drives(added.drives.begin(), added.drives.end());
+  std::set<std::string> others = ContributedDrives(log);
+  for (const std::string& id : drives) others.erase(id);
   Reversion made{.name = added.name};
   Changes changes(base);
   for (const TileVersion& version : added.tiles) {
     CARMAP_ASSIGN_OR_RETURN(const auto now, base.Read(version.tile));
-    if (version.is_removed || !now) {
+    if (version.is_removed || WasJoined(version, log)) {
       return absl::FailedPreconditionError(fmt::format(
           "{}: {} joined components, or was joined to another since; it cannot be taken back alone",
           base.name(), added.name));
     }
+    if (!now) continue;  // nothing of it is left
     CARMAP_ASSIGN_OR_RETURN(const StoredPatch stored, PatchTo(version, base));
     CARMAP_ASSIGN_OR_RETURN(const Patch patch, DecodePatch(stored.patch, base.name()));
     CARMAP_ASSIGN_OR_RETURN(const Patch inverse, DecodePatch(stored.inverse, base.name()));
-    CARMAP_ASSIGN_OR_RETURN(Tile without, TileReversion(*now, patch, inverse, drives).Run(made));
+    CARMAP_ASSIGN_OR_RETURN(Tile without,
+                            TileReversion(*now, patch, inverse, drives, others).Run(made));
     CARMAP_RETURN_IF_ERROR(changes.Put(std::move(without)));
   }
   Commit commit;

@@ -1,7 +1,8 @@
 // Takes a contribution back (paper §3.4 leaves open what to do with a bad one).
 //
-// By patches, like all that changes the base: what nobody touched since becomes what it was before;
-// of what others changed later, only the drive's own keyframes and landmarks go.
+// By patches, like all that changes the base: what nobody touched since becomes what it was before.
+// Of what others changed later, landmarks that the drive alone saw go, and it leaves the lists of
+// the others; keyframes of it on which others' landmarks hang stay.
 #pragma once
 
 #include <absl/status/statusor.h>
@@ -19,6 +20,7 @@ struct Reversion {
   std::string name;                ///< as which it was added
   std::vector<TileVersion> tiles;  ///< that changed
   size_t keyframes_removed = 0, landmarks_removed = 0, landmarks_restored = 0;
+  size_t keyframes_kept = 0;  ///< since landmarks that others saw hang on them
   uint64_t sequence = 0;
 };
 

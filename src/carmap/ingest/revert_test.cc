@@ -64,7 +64,6 @@ TEST_F(RevertTest, KeepsWhatOthersAddedLater) {
   const size_t landmarks = Whole(1).map().landmarks.size();
   const auto made = Revert(ToHex({2, 5}), *base_);
   ASSERT_TRUE(made.ok()) << made.status();
-  EXPECT_FALSE(Mentions({2, 5}));
   EXPECT_TRUE(Mentions({1, 5}));
   EXPECT_TRUE(Mentions({3, 5}));
   const MapView whole = Whole(1);
@@ -72,6 +71,46 @@ TEST_F(RevertTest, KeepsWhatOthersAddedLater) {
   EXPECT_GT(whole.map().landmarks.size(), landmarks / 2);
   ExpectPatchesLeadToTiles();
   EXPECT_THAT(Verify(*base_, false)->problems, IsEmpty());
+}
+
+// What another drive added hangs on keyframes of the first, which stand for its own.
+TEST_F(RevertTest, KeepsWhatHangsOnItsKeyframes) {
+  const LeanMap same_lane = MapOf(street_, {.id = 4, .from_m = 50, .to_m = 250});
+  Add(same_lane);
+  const size_t of_other = [&] {
+    const MapView whole = Whole(1);
+    return static_cast<size_t>(
+        std::count_if(whole.map().landmarks.begin(), whole.map().landmarks.end(),
+                      [](const LeanLandmark& l) { return l.id.drive.input == 4; }));
+  }();
+  ASSERT_GT(of_other, 50u);
+  const auto made = Revert(ToHex({1, 5}), *base_);
+  ASSERT_TRUE(made.ok()) << made.status();
+  EXPECT_GT(made->keyframes_kept, 20u);
+  const MapView whole = Whole(1);
+  EXPECT_TRUE(CheckConsistency(whole.map()).ok());
+  EXPECT_EQ(std::count_if(whole.map().landmarks.begin(), whole.map().landmarks.end(),
+                          [](const LeanLandmark& l) { return l.id.drive.input == 4; }),
+            static_cast<std::ptrdiff_t>(of_other));
+  ExpectPatchesLeadToTiles();
+  ASSERT_TRUE(Revert(ToHex({4, 5}), *base_).ok());
+}
+
+// Whatever the order, nothing is left of drives that were all taken back, but for keyframes that
+// anchored what others saw.
+TEST_F(RevertTest, BringsNothingBackThatWasTakenBack) {
+  Add(second_);
+  Add(MapOf(street_, {.id = 3, .from_m = 150, .to_m = 420}));
+  for (const uint64_t id : {2, 1, 3}) {
+    const auto made = Revert(ToHex({id, 5}), *base_);
+    ASSERT_TRUE(made.ok()) << id << made.status();
+  }
+  size_t landmarks = 0;
+  for (const TileVersion& tile : AllTiles()) {
+    if (!tile.is_removed) landmarks += (*base_->Read(tile.tile))->map.landmarks.size();
+  }
+  EXPECT_EQ(landmarks, 0u);
+  EXPECT_THAT(Tiles(1), IsEmpty());
 }
 
 TEST_F(RevertTest, EndsAComponentOfWhichNothingIsLeft) {

@@ -128,8 +128,7 @@ class RocksStore final : public SnapshotReads {
     return database_->has_failed() ? Reopen() : absl::OkStatus();
   }
 
-  /// Replaces a database that takes no more. Until another is there, readers keep the one they
-  /// have.
+  /// Replaces a database that takes no more; if that fails, by one to read.
   absl::Status Reopen() {
     CARMAP_RETURN_IF_ERROR(CheckRoom(DatabaseIn(folder_)));
     const std::lock_guard lock(database_mutex_);
@@ -137,8 +136,11 @@ class RocksStore final : public SnapshotReads {
     CARMAP_ASSIGN_OR_RETURN(std::shared_ptr<RocksDatabase> readable, OpenReadable(folder_));
     database_.reset();
     auto writable = OpenWritable(folder_);
-    database_ = writable.ok() ? *std::move(writable) : std::move(readable);
-    CARMAP_RETURN_IF_ERROR(writable.status());
+    if (!writable.ok()) {
+      database_ = std::move(readable);
+      return writable.status();
+    }
+    database_ = *std::move(writable);
     CARMAP_ASSIGN_OR_RETURN(writer_->sequence, RocksReader(database_, folder_).Sequence());
     return absl::OkStatus();
   }

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <signal.h>
 #include <spawn.h>
 #include <sys/mount.h>
 #include <sys/resource.h>
@@ -11,6 +10,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <map>
@@ -720,7 +720,7 @@ class DamagedStoreTest : public RocksStoreTest {
 };
 
 TEST_F(DamagedStoreTest, IsNeverReadWrongly) {
-  const int flips = CountFromEnvironment("CARMAP_FLIPS", 8);
+  const int flips = CountFromEnvironment("CARMAP_FLIPS", 5);
   std::mt19937 random(7);
   std::map<std::string, int> outcomes;
   for (const std::string& file : Files()) {
