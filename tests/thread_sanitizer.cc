@@ -12,4 +12,7 @@ const tbb::global_control kOneThread(tbb::global_control::max_allowed_parallelis
 }  // namespace
 
 // GDAL, which OpenCV asks whether it can write an image, makes its locks while it holds others.
-extern "C" const char* __tsan_default_suppressions() { return "deadlock:libgdal.so\n"; }
+// RocksDB guards what its threads share by means that the sanitizer does not see.
+extern "C" const char* __tsan_default_suppressions() {
+  return "deadlock:libgdal.so\nrace:librocksdb.so\n";
+}
