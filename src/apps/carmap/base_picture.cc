@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <map>
 #include <utility>
 
 #include "apps/carmap/reports.h"
@@ -16,15 +15,6 @@ namespace carmap {
 namespace {
 
 constexpr Rgb kTileColour{190, 200, 215}, kAddedColour{220, 50, 32};
-
-absl::StatusOr<std::map<uint32_t, std::vector<TileId>>> TilesByComponent(const BaseMap& base) {
-  std::map<uint32_t, std::vector<TileId>> by_component;
-  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base.reader().ListTiles());
-  for (const TileVersion& tile : tiles) {
-    if (!tile.is_removed) by_component[tile.tile.component].push_back(tile.tile);
-  }
-  return by_component;
-}
 
 bool IsOf(const LeanKeyframe& keyframe, const std::vector<DriveId>& drives) {
   return std::find(drives.begin(), drives.end(), keyframe.id.drive) != drives.end();
@@ -66,10 +56,9 @@ void AddTiles(const MapView& view, std::vector<PicturePath>& paths) {
 }  // namespace
 
 absl::StatusOr<MapView> WholeComponent(const BaseMap& base, const Component& component) {
-  CARMAP_ASSIGN_OR_RETURN(const auto tiles, TilesByComponent(base));
-  const auto found = tiles.find(component.id);
-  if (found == tiles.end()) return MapView(component.grid, 0, {});
-  return Changes(base).View(component, found->second.front().cell, found->second);
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> tiles, TilesOf(base.reader(), component.id));
+  if (tiles.empty()) return MapView(component.grid, 0, {});
+  return Changes(base).View(component, tiles.front().cell, tiles);
 }
 
 absl::Status WriteBasePicture(const std::string& path, const BaseMap& base,

@@ -168,6 +168,15 @@ absl::StatusOr<uint64_t> BaseMap::Apply(const Commit& commit) {
   return sequence;
 }
 
+absl::StatusOr<std::vector<TileId>> TilesOf(const MapReader& reader, uint32_t component) {
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> all, reader.ListTiles());
+  std::vector<TileId> tiles;
+  for (const TileVersion& tile : all) {
+    if (tile.tile.component == component && !tile.is_removed) tiles.push_back(tile.tile);
+  }
+  return tiles;
+}
+
 absl::StatusOr<std::vector<TileId>> TilesNear(const MapReader& reader, const Component& component,
                                               const std::vector<Eigen::Vector3d>& places_in_root,
                                               double radius_m) {

@@ -91,6 +91,10 @@ class BaseMap : public TileSource {
   mutable std::list<TileId> newest_first_ ABSL_GUARDED_BY(mutex_);
 };
 
+/// All tiles of the component that are there, ascending. Lists all tiles of the base and reads
+/// none. Errors: those of the store.
+absl::StatusOr<std::vector<TileId>> TilesOf(const MapReader& reader, uint32_t component);
+
 /// The component's tiles with a point within `radius_m` of one of the places, ascending, each once:
 /// those that are, or once were, there. Errors: those of the store.
 absl::StatusOr<std::vector<TileId>> TilesNear(const MapReader& reader, const Component& component,

@@ -110,16 +110,6 @@ NewComponent MakeComponent(const LeanMap& segment, uint32_t id, int cell_level,
   return {component, std::move(view), std::move(map)};
 }
 
-/// All tiles of a component, removed ones too.
-absl::StatusOr<std::vector<TileId>> TilesOf(uint32_t component, const MapReader& reader) {
-  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> all, reader.ListTiles());
-  std::vector<TileId> tiles;
-  for (const TileVersion& tile : all) {
-    if (tile.tile.component == component && !tile.is_removed) tiles.push_back(tile.tile);
-  }
-  return tiles;
-}
-
 /// Nothing without fixes, or in a component without GPS.
 std::optional<double> GpsOffsetM(const LeanMap& segment, const LeanMap& fitted,
                                  const MapView& view) {
@@ -246,7 +236,7 @@ class Contributor {
     CARMAP_RETURN_IF_ERROR(touches.status());
 
     CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> its_tiles,
-                            TilesOf(candidate.component.id, base_.reader()));
+                            TilesOf(base_.reader(), candidate.component.id));
     CARMAP_ASSIGN_OR_RETURN(const MapView whole,
                             changes_.View(candidate.component, its_tiles.front().cell, its_tiles));
     CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, base_.Components());

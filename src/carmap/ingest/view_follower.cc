@@ -32,14 +32,17 @@ absl::StatusOr<ViewFollower::Change> ViewFollower::FollowPose(const Rigid3& view
   const Eigen::Vector3d p_in_root = view_->root_from_view() * view_from_camera.translation;
   CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> needed,
                           TilesNear(base_.reader(), *component_, {p_in_root}, options_.needed_m));
-  const bool has_all = std::all_of(needed.begin(), needed.end(), [&](const TileId& tile) {
-    return loaded_.contains(tile) || unreadable_.contains(tile);
-  });
-  if (has_all) return Change::kNone;
+  if (HasAll(needed)) return Change::kNone;
   CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> around,
                           TilesNear(base_.reader(), *component_, {p_in_root}, options_.loaded_m));
   CARMAP_RETURN_IF_ERROR(Load(*component_, view_->frame_cell(), around));
   return Change::kTiles;
+}
+
+bool ViewFollower::HasAll(const std::vector<TileId>& tiles) const {
+  return std::all_of(tiles.begin(), tiles.end(), [&](const TileId& tile) {
+    return loaded_.contains(tile) || unreadable_.contains(tile);
+  });
 }
 
 absl::StatusOr<ViewFollower::Change> ViewFollower::LookAround(
@@ -50,11 +53,7 @@ absl::StatusOr<ViewFollower::Change> ViewFollower::LookAround(
   if (candidates.empty()) return Change::kNone;
   const CandidateTiles& candidate = candidates[next_candidate_++ % candidates.size()];
   const bool stays = component_ && component_->id == candidate.component.id;
-  const bool has_all =
-      stays && std::all_of(candidate.tiles.begin(), candidate.tiles.end(), [&](const TileId& tile) {
-        return loaded_.contains(tile) || unreadable_.contains(tile);
-      });
-  if (has_all) return Change::kNone;
+  if (stays && HasAll(candidate.tiles)) return Change::kNone;
   const uint64_t frame_cell = stays ? view_->frame_cell() : candidate.tiles.front().cell;
   if (!stays) used_.clear();
   CARMAP_RETURN_IF_ERROR(Load(candidate.component, frame_cell, candidate.tiles));

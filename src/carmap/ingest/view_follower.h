@@ -66,6 +66,8 @@ class ViewFollower {
   absl::StatusOr<Change> FollowPose(const Rigid3& view_from_camera);
   absl::StatusOr<Change> LookAround(const std::optional<GpsFix>& gps,
                                     const std::vector<Feature>& features);
+  /// Of these none is to be read again.
+  bool HasAll(const std::vector<TileId>& tiles) const;
   absl::Status Load(const Component& component, uint64_t frame_cell,
                     const std::vector<TileId>& tiles);
 
