@@ -156,7 +156,11 @@ class DriveLocalizer {
     if (result.pose.pose) last_pose_ = result.pose.pose->camera_from_base.Inverse();
     TimedPose& pose = drive_.trajectory.emplace_back();
     pose.timestamp = frame.timestamp;
-    if (last_pose_) pose.world_from_camera = first_from_view_ * *last_pose_;
+    if (follower_ && result.pose.pose) {
+      Rigid3& camera_from_base = result.pose.pose->camera_from_base;
+      camera_from_base = camera_from_base * first_from_view_.Inverse();
+    }
+    if (result.pose.pose) pose.world_from_camera = result.pose.pose->camera_from_base.Inverse();
     if (frame.features) {
       result.frame_ms = own_map_.last_frame_ms() + watch.ElapsedMs();
       drive_.frame_ms.push_back(result.frame_ms);
@@ -168,6 +172,8 @@ class DriveLocalizer {
 
   LocalizedDrive& drive() { return drive_; }
   const std::optional<ViewFollower>& follower() const { return follower_; }
+  /// From the frame of the follower's view to that of the poses.
+  const Rigid3& first_from_view() const { return first_from_view_; }
   DriveHealth Health() const { return own_map_.Health(drive_.trajectory); }
   std::optional<LabellingSummary> labelling() const { return own_map_.labelling(); }
 
@@ -202,10 +208,16 @@ class DriveLocalizer {
       return;
     }
     tracker_.emplace(follower_->map(), rig_, ProgramVocabulary());
-    // Poses of the drive stay in its first frame, where the Earth connects the two.
+    // Poses of the drive stay in its first frame. Only the Earth connects two components.
     if (had_tiles && was_on_earth && follower_->view().grid().is_on_earth) {
       first_from_view_ =
           first_from_view_ * root_from_view.Inverse() * follower_->view().root_from_view();
+    } else if (drive_.localized() == 0) {
+      first_from_view_ = Rigid3();
+    } else {
+      throw std::runtime_error(
+          "it leads into a part of the base that lies nowhere in relation to the part before; "
+          "localize the rest by itself, with --first");
     }
   }
 
@@ -263,7 +275,9 @@ LocalizedDrive LocalizeDrive(KittiDrive& drive, LoadedMap& loaded,
   if (const auto& follower = localizer.follower()) {
     localizer.drive().tiles_read = follower->tiles_read();
     localizer.drive().damaged_tiles = follower->damaged();
-    if (const auto used = follower->Used(); used.ok()) loaded.lean = used->map();
+    if (const auto used = follower->Used(); used.ok()) {
+      loaded.lean = Moved(used->map(), localizer.first_from_view());
+    }
   }
   if (drive.gps() != nullptr) {
     localizer.drive().gps =
