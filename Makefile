@@ -4,7 +4,7 @@ FUZZ_SECONDS ?= 60
 export CMAKE_BUILD_PARALLEL_LEVEL := $(JOBS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test bench evaluate evaluate-localization evaluate-slam signature \
+.PHONY: help setup build demo test bench evaluate evaluate-localization evaluate-slam evaluate-stitching signature \
   vocabulary segmenter lint format asan tsan fuzz clean
 
 help:  ## list these commands
@@ -38,6 +38,9 @@ evaluate: build  ## errors and sizes on every real drive that is present
 
 evaluate-localization: build  ## localization by traffic, lane and light, simulated [ALL=1]
 	@scripts/evaluate_localization.sh
+
+evaluate-stitching: build  ## stitching beside the ways of the paper's peers, simulated [EXPERIMENTS="lanes overlap"]
+	@scripts/evaluate_stitching.sh $(EXPERIMENTS)
 
 evaluate-slam: build  ## loops and errors of drives simulated along KITTI paths [PATHS="07 06"]
 	@scripts/evaluate_slam.sh $(PATHS)

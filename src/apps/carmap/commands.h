@@ -36,5 +36,6 @@ void AddEvaluatePlaces(CLI::App& evaluate, Command& chosen);
 void AddEvaluateRealism(CLI::App& evaluate, Command& chosen);
 void AddEvaluateLandmarks(CLI::App& evaluate, Command& chosen);
 void AddEvaluateSegmentation(CLI::App& evaluate, Command& chosen);
+void AddEvaluateStitching(CLI::App& evaluate, Command& chosen);
 
 }  // namespace carmap

@@ -61,6 +61,7 @@ Exit codes: 0 done, 1 error, 2 wrong usage)");
   AddEvaluateRealism(*command, chosen);
   AddEvaluateLandmarks(*command, chosen);
   AddEvaluateSegmentation(*command, chosen);
+  AddEvaluateStitching(*command, chosen);
   command->footer(R"(`carmap evaluate COMMAND --help` explains each.
 
 Example:
