@@ -127,6 +127,22 @@ TEST_F(BaseCliTest, TakesAContributionBack) {
   EXPECT_EQ(Run({"base", "add", "town.base", "../tuesday.cmap"}).exit_code, 0);
 }
 
+TEST_F(BaseCliTest, AdjustsAndCompacts) {
+  ASSERT_EQ(Run({"base", "add", "town.base", "../monday.cmap", "../tuesday.cmap"}).exit_code, 0);
+  const Result adjusted = Run({"base", "adjust", "town.base", "--report", "a.json"});
+  EXPECT_EQ(adjusted.exit_code, 0) << adjusted.err;
+  EXPECT_THAT(adjusted.out, HasSubstr("of 2 contributions"));
+  const auto report = nlohmann::json::parse(Read(root_ / "work" / "a.json"))["adjusted"][0];
+  EXPECT_EQ(report["contributions"], 2);
+  EXPECT_LE(report["misfit_after"], report["misfit_before"]);
+  EXPECT_EQ(Run({"base", "verify", "town.base"}).exit_code, 0);
+  const Result compacted = Run({"base", "compact", "town.base", "--keep", "1"});
+  EXPECT_EQ(compacted.exit_code, 0) << compacted.err;
+  EXPECT_THAT(compacted.out, HasSubstr("newest patch at most"));
+  EXPECT_EQ(Run({"base", "verify", "town.base"}).exit_code, 0);
+  EXPECT_EQ(Run({"base", "compact", "town.base", "--keep", "0"}).exit_code, 2);
+}
+
 TEST_F(BaseCliTest, ExplainsALandmark) {
   ASSERT_EQ(Run({"base", "add", "town.base", "../monday.cmap", "../tuesday.cmap"}).exit_code, 0);
   const auto map = ReadLeanMap(root_ / "monday.cmap").value();
@@ -144,15 +160,17 @@ TEST_F(BaseCliTest, SaysWhatIsWrong) {
   ExpectRefused({"base", "add", "folder", "../monday.cmap"}, "folder");
   ExpectRefused({"localize", Drive(1), "--map", "folder"}, "folder");
   ExpectRefused({"base", "export", "town.base", "--out", "m.cmap"}, "no such component");
-  ExpectRefused({"base", "revert", "town.base", "77"}, "no drive of the base");
+  ExpectRefused({"base", "revert", "town.base", "777777"}, "no drive of the base");
+  ExpectRefused({"base", "revert", "town.base", ""}, "too short for a drive's id");
+  ExpectRefused({"base", "adjust", "town.base", "--component", "3"}, "no such component");
+  ExpectRefused({"localize", Drive(1), "--map", "town.base"}, "is empty");
   EXPECT_EQ(Run({"base"}).exit_code, 2);
   EXPECT_EQ(Run({"base", "add", "town.base"}).exit_code, 2);
-  EXPECT_EQ(Run({"localize", Drive(1), "--map", "town.base"}).exit_code, 1);
 }
 
 TEST_F(BaseCliTest, TeachesItself) {
-  for (const char* command :
-       {"init", "add", "info", "log", "verify", "export", "revert", "explain"}) {
+  for (const char* command : {"init", "add", "info", "log", "verify", "export", "revert", "adjust",
+                              "compact", "explain"}) {
     const Result help = Run({"base", command, "--help"});
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_THAT(help.out, HasSubstr("Exit codes:")) << command;

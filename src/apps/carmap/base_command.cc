@@ -22,6 +22,7 @@
 #include "carmap/base/status_macros.h"
 #include "carmap/base/stopwatch.h"
 #include "carmap/format/lean_codec.h"
+#include "carmap/ingest/adjust.h"
 #include "carmap/ingest/base_map.h"
 #include "carmap/ingest/changes.h"
 #include "carmap/ingest/contribute.h"
@@ -37,6 +38,7 @@ struct Arguments {
   std::string base, out, report, picture, drive, what;
   std::vector<std::string> segments;
   std::optional<uint32_t> component;
+  size_t kept_patches = 16;
   bool accept_suspect = false, json = false, repair = false;
 };
 
@@ -75,6 +77,9 @@ void PrintAdded(const std::string& path, const Added& added) {
     where += fmt::format(", to which it joins {}", fmt::join(made.joined, ", "));
   }
   fmt::print("added         {}: {}; {:.2f} s\n", path, where, added.wall_s);
+  for (const uint32_t other : made.contradicting) {
+    fmt::print("  apart       component {} resembles it, but does not fit\n", other);
+  }
   if (made.fit) {
     const FitReport& fit = *made.fit;
     fmt::print(
@@ -101,6 +106,7 @@ nlohmann::ordered_json ToJson(const std::string& path, const Added& added) {
                                  {"component", made.component},
                                  {"is_new_component", made.is_new_component},
                                  {"joined_components", made.joined},
+                                 {"contradicting_components", made.contradicting},
                                  {"keyframes", made.keyframes},
                                  {"keyframes_added", made.keyframes_added},
                                  {"landmarks", made.landmarks},
@@ -258,7 +264,7 @@ absl::StatusOr<ExitCode> Log(const Arguments& arguments) {
   CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> log, ReadLog(base->reader()));
   for (const LoggedChange& change : log) {
     fmt::print("{:>6}  {}  {:<7}component {}, {}: {}", change.sequence, change.time, change.kind,
-               change.component, Count(change.tiles.size(), "tile"), change.name);
+               change.component, Count(change.tiles.size(), "tile"), OneLine(change.name));
     if (change.kind == "add") {
       fmt::print(", {} and {} new", Count(change.keyframes_added, "keyframe"),
                  Count(change.landmarks_added, "landmark"));
@@ -300,6 +306,12 @@ absl::StatusOr<ExitCode> Verify(const Arguments& arguments) {
   return kError;
 }
 
+absl::Status NoSuchComponent(const Arguments& arguments) {
+  return absl::NotFoundError(
+      fmt::format("{}: has no such component; `carmap base info {}` lists them", arguments.base,
+                  arguments.base));
+}
+
 absl::StatusOr<ExitCode> Export(const Arguments& arguments) {
   CARMAP_RETURN_IF_ERROR(CheckOutputs({arguments.out}, FoldersOfBase(arguments.base)));
   CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadOnly));
@@ -312,9 +324,7 @@ absl::StatusOr<ExitCode> Export(const Arguments& arguments) {
               return a.landmarks < b.landmarks;
             });
   if (chosen == sizes.end()) {
-    return absl::NotFoundError(
-        fmt::format("{}: has no such component; `carmap base info {}` lists them", arguments.base,
-                    arguments.base));
+    return NoSuchComponent(arguments);
   }
   CARMAP_ASSIGN_OR_RETURN(const MapView view, WholeComponent(*base, chosen->component));
   CARMAP_ASSIGN_OR_RETURN(const std::string bytes, EncodeLeanMap(view.map()));
@@ -339,6 +349,86 @@ absl::StatusOr<ExitCode> Revert(const Arguments& arguments) {
     fmt::print("  kept        {}, on which landmarks of other drives hang\n",
                Count(made.keyframes_kept, "keyframe"));
   }
+  return kSuccess;
+}
+
+// Maintaining.
+
+void PrintAdjusted(const Adjustment& made) {
+  if (!made.sequence) {
+    fmt::print("component {:<4}as it was: {} of {} contributions would move by {:.3f} m at most\n",
+               made.component, Count(made.keyframes, "keyframe"), made.contributions,
+               made.largest_move_m);
+    return;
+  }
+  fmt::print("component {:<4}{} of {} contributions moved by {:.2f} m (median), {:.2f} m at most\n",
+             made.component, Count(made.keyframes, "keyframe"), made.contributions,
+             made.median_move_m, made.largest_move_m);
+  fmt::print(
+      "  measured    {} and {}: {:.2f} of a standard deviation off (root mean square), before "
+      "{:.2f}\n",
+      Count(made.steps, "step"), Count(made.anchors, "anchor"), made.misfit_after,
+      made.misfit_before);
+  fmt::print("  tiles       {} changed; patches of {}\n", made.tiles.size(),
+             BytesText(static_cast<double>(made.patch_bytes)));
+}
+
+nlohmann::ordered_json ToJson(const Adjustment& made) {
+  return {{"component", made.component},
+          {"keyframes", made.keyframes},
+          {"contributions", made.contributions},
+          {"steps", made.steps},
+          {"anchors", made.anchors},
+          {"misfit_before", made.misfit_before},
+          {"misfit_after", made.misfit_after},
+          {"median_move_m", made.median_move_m},
+          {"largest_move_m", made.largest_move_m},
+          {"tiles_changed", made.tiles.size()},
+          {"patch_bytes", made.patch_bytes},
+          {"journal_entry", made.sequence ? nlohmann::ordered_json(*made.sequence) : nullptr}};
+}
+
+/// Each component by itself: one that is refused costs none of the others.
+absl::StatusOr<ExitCode> Adjust(const Arguments& arguments) {
+  CARMAP_RETURN_IF_ERROR(
+      CheckOutputs({arguments.report, arguments.picture}, FoldersOfBase(arguments.base)));
+  CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadWrite));
+  CARMAP_ASSIGN_OR_RETURN(std::vector<Component> components, base->Components());
+  if (arguments.component) {
+    std::erase_if(components, [&](const Component& c) { return c.id != *arguments.component; });
+    if (components.empty()) return NoSuchComponent(arguments);
+  }
+  nlohmann::ordered_json report = {{"adjusted", nlohmann::ordered_json::array()},
+                                   {"refused", nlohmann::ordered_json::array()}};
+  Progress progress("adjusting", components.size());
+  for (const Component& component : components) {
+    const auto made = carmap::Adjust(component, *base);
+    if (made.ok()) {
+      PrintAdjusted(*made);
+      std::fflush(stdout);
+      report["adjusted"].push_back(ToJson(*made));
+    } else {
+      PrintProblem(std::string(made.status().message()));
+      report["refused"].push_back(
+          {{"component", component.id}, {"reason", std::string(made.status().message())}});
+    }
+    progress.Update(report["adjusted"].size() + report["refused"].size());
+  }
+  OutputFiles files;
+  files.Write(arguments.report, [&] { return WriteReport(arguments.report, report); });
+  files.Write(arguments.picture,
+              [&] { return WriteBasePicture(arguments.picture, *base, arguments.component, {}); });
+  const bool is_written = files.Finish();
+  if (report["adjusted"].empty() && !report["refused"].empty()) return kError;
+  return is_written && report["refused"].empty() ? kSuccess : kIncomplete;
+}
+
+absl::StatusOr<ExitCode> Compact(const Arguments& arguments) {
+  CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, StoreAccess::kReadWrite));
+  CARMAP_RETURN_IF_ERROR(base->store().DropPatches(arguments.kept_patches));
+  fmt::print(
+      "compacted     {}: each tile has its newest {} at most\n", arguments.base,
+      arguments.kept_patches == 1 ? "patch" : fmt::format("{} patches", arguments.kept_patches));
   return kSuccess;
 }
 
@@ -454,6 +544,41 @@ keeps both steps.
 
 Exit codes: 0 done, 1 error (nothing is changed, unless only standard output cannot be written), 2
 wrong usage)");
+
+  CLI::App* adjust = AddAction(*base, "adjust", "Let all drives share the misfit of closed loops",
+                               Adjust, arguments, chosen);
+  adjust
+      ->add_option("--component", arguments->component, "Adjust this one (default: each by itself)")
+      ->type_name("N");
+  adjust->add_option("--report", arguments->report, "Write what became of each as JSON (m, bytes)")
+      ->type_name("R.json");
+  adjust->add_option("--picture", arguments->picture, "Draw a component from above, as it is then")
+      ->type_name("P.png");
+  adjust->footer(
+      R"(While drives are added the base stays and each segment bends to it, so that the last drive around a
+block takes all of the misfit. This moves all keyframes to where every drive's own steps, what held each
+drive to the base, and the fixes of all drives agree best; landmarks ride on their keyframes. Worth its
+while after drives have closed loops, or when many drives know better than the first where on the Earth
+the road is. Vehicles get it as patches of poses.
+
+A component that would move by more than 25 m is left as it is: its fixes contradict its drives.
+
+Exit codes: 0 done, or nothing to move, 1 error or refused, 2 wrong usage, 3 some components were refused,
+or a file could not be written)");
+
+  CLI::App* compact = AddAction(*base, "compact", "Forget old patches", Compact, arguments, chosen);
+  compact
+      ->add_option("--keep", arguments->kept_patches,
+                   "So many of the newest patches of each tile stay")
+      ->check(CLI::Range(1, 1'000'000))
+      ->type_name("N")
+      ->capture_default_str();
+  compact->footer(
+      R"(Patches are what vehicles fetch that have an older version, and what `revert`, `explain` and `verify
+--repair` work with: what is older than those kept can then not be taken back, told or repaired any more.
+The journal stays whole.
+
+Exit codes: 0 done, 1 error, 2 wrong usage)");
 
   CLI::App* explain = AddAction(*base, "explain", "Tell the history of a landmark or a place",
                                 Explain, arguments, chosen);

@@ -78,6 +78,11 @@ absl::StatusOr<LoadedMap> LoadMap(const std::string& path, const StereoRig& rig)
   std::error_code error;
   if (std::filesystem::is_directory(path, error)) {
     CARMAP_ASSIGN_OR_RETURN(loaded.base, BaseMap::Open(path, StoreAccess::kReadOnly));
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, loaded.base->Components());
+    if (components.empty()) {
+      return absl::FailedPreconditionError(
+          fmt::format("{}: is empty; `carmap base add {} SEGMENT.cmap` fills it", path, path));
+    }
     loaded.read_ms = read_watch.ElapsedMs();
     return loaded;
   }

@@ -37,12 +37,15 @@ std::optional<std::string> ChangedInput(const std::string& output, const std::st
 
 }  // namespace
 
-void PrintProblem(const std::string& message) {
-  std::string line = message;
+std::string OneLine(std::string text) {
   std::replace_if(
-      line.begin(), line.end(), [](unsigned char c) { return c < ' ' || c == 0x7f; }, ' ');
+      text.begin(), text.end(), [](unsigned char c) { return c < ' ' || c == 0x7f; }, ' ');
+  return text;
+}
+
+void PrintProblem(const std::string& message) {
   std::fflush(stdout);  // so that both streams in one file keep their order
-  WriteToStandardError(fmt::format("carmap: {}\n", line));
+  WriteToStandardError(fmt::format("carmap: {}\n", OneLine(message)));
 }
 
 absl::Status WithName(const std::string& name, const absl::Status& status) {

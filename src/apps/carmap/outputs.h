@@ -11,6 +11,9 @@
 
 namespace carmap {
 
+/// Without anything that would begin a new line or steer a terminal.
+std::string OneLine(std::string text);
+
 /// A message on standard error, "carmap: …", of one line whatever is in it. That it cannot be
 /// written is no error.
 void PrintProblem(const std::string& message);

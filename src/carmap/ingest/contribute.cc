@@ -13,9 +13,11 @@
 #include "carmap/base/status_macros.h"
 #include "carmap/base/summary.h"
 #include "carmap/feature/default_vocabulary.h"
+#include "carmap/index/reconstruct.h"
 #include "carmap/ingest/candidate_tiles.h"
 #include "carmap/ingest/changes.h"
 #include "carmap/ingest/journal.h"
+#include "carmap/ingest/pose_constraints.h"
 
 namespace carmap {
 namespace {
@@ -138,6 +140,22 @@ size_t CountMissing(const std::vector<LeanLandmark>& of, const std::vector<LeanL
   return missing;
 }
 
+/// What a diff tells of poses: the steps between its keyframes, each of which stands where the base
+/// was seen from.
+PoseConstraints ConstraintsOf(const MapDiff& diff, const LeanMap& base) {
+  constexpr double kLocalizedSigmaM = 0.3, kLocalizedSigmaRad = 0.01;
+  std::vector<DriveStep> steps;
+  std::vector<AnchoredKeyframe> anchors;
+  const std::vector<LeanKeyframe>& keyframes = diff.drive.keyframes;
+  for (uint32_t i = 0; i < keyframes.size(); ++i) {
+    if (i > 0 && keyframes[i - 1].id.drive == keyframes[i].id.drive) steps.push_back({i - 1, i});
+    anchors.push_back({i, keyframes[i].map_from_camera, kLocalizedSigmaM, kLocalizedSigmaRad, 1});
+  }
+  PoseConstraints constraints = ConstraintsOf(diff.drive, std::move(steps));
+  AddAnchors(base, diff.drive, anchors, constraints);
+  return constraints;
+}
+
 class Contributor {
  public:
   Contributor(const LeanMap& segment, BaseMap& base, const ContributeOptions& options)
@@ -147,10 +165,21 @@ class Contributor {
   absl::StatusOr<Contribution> Run(const std::string& name) {
     Begin(name);
     CARMAP_ASSIGN_OR_RETURN(const std::vector<CandidateTiles> candidates, Candidates());
+    absl::Status contradiction;
     for (const CandidateTiles& candidate : candidates) {
-      CARMAP_RETURN_IF_ERROR(made_.fit ? Join(candidate) : FitTo(candidate));
+      const absl::Status status = made_.fit ? Join(candidate) : FitTo(candidate);
+      // Another component may be the right one: two may look alike.
+      if (absl::IsFailedPrecondition(status)) {
+        contradiction.Update(status);
+        made_.contradicting.push_back(candidate.component.id);
+      } else {
+        CARMAP_RETURN_IF_ERROR(status);
+      }
     }
-    if (!made_.fit) CARMAP_RETURN_IF_ERROR(BeginComponent());
+    if (!made_.fit) {
+      CARMAP_RETURN_IF_ERROR(contradiction);
+      CARMAP_RETURN_IF_ERROR(BeginComponent());
+    }
     return CommitAll();
   }
 
@@ -175,7 +204,8 @@ class Contributor {
     CARMAP_ASSIGN_OR_RETURN(MapView view, changes_.View(*component, diff.frame.cell, tiles));
     MapDiff in_view = diff;
     in_view.drive = Moved(diff.drive, view.root_from_view().Inverse() * root_from_tile);
-    CARMAP_RETURN_IF_ERROR(Take(*component, {std::move(view), {std::move(in_view), {}}}));
+    constraints_ = ConstraintsOf(in_view, view.map());
+    CARMAP_RETURN_IF_ERROR(Take(*component, {std::move(view), {.diff = std::move(in_view)}}));
     made_.component = component->id;
     made_.keyframes_added = added_keyframes_;
     made_.landmarks_added = added_landmarks_;
@@ -212,6 +242,8 @@ class Contributor {
     CARMAP_RETURN_IF_ERROR(Take(candidate.component, *placed));
     made_.component = candidate.component.id;
     made_.fit = placed->fitted.report;
+    constraints_ = ConstraintsOf(segment_, placed->fitted.steps);
+    AddAnchors(placed->view.map(), segment_, placed->fitted.anchors, constraints_);
     made_.gps_offset_m = GpsOffsetM(segment_, placed->fitted.diff.drive, placed->view);
     made_.keyframes_added = added_keyframes_;
     made_.landmarks_added = added_landmarks_;
@@ -248,11 +280,12 @@ class Contributor {
     }
     auto placed = Place(whole.map(), {*own, around}, changes_, base_, options_);
     if (!placed.ok()) {
-      return absl::FailedPreconditionError(fmt::format(
-          "it connects components {} and {} of the base, which do not fit each other: {}",
-          made_.component, candidate.component.id, std::string(placed.status().message())));
+      return absl::FailedPreconditionError(
+          fmt::format("components {} and {} do not fit each other: {}", made_.component,
+                      candidate.component.id, std::string(placed.status().message())));
     }
     CARMAP_RETURN_IF_ERROR(Take(*own, *placed));
+    AddAnchors(placed->view.map(), whole.map(), placed->fitted.anchors, constraints_);
     for (const TileId& id : its_tiles) CARMAP_RETURN_IF_ERROR(changes_.Put({id, 0, {}}));
     made_.joined.push_back(candidate.component.id);
     return absl::OkStatus();
@@ -260,9 +293,14 @@ class Contributor {
 
   absl::Status BeginComponent() {
     CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, base_.Components());
-    const uint32_t id = components.empty() ? 1 : components.back().id + 1;
+    // Of those that ended, removed tiles tell: a number never means another component.
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base_.reader().ListTiles());
+    const uint32_t id = std::max(components.empty() ? 0 : components.back().id,
+                                 tiles.empty() ? 0 : tiles.back().tile.component) +
+                        1;
     const NewComponent made = MakeComponent(segment_, id, base_.cell_level(), options_.gps);
     CARMAP_RETURN_IF_ERROR(changes_.Replace(made.component, made.view, made.map));
+    constraints_ = ConstraintsOf(segment_, StepsOf(Reconstruct(segment_)));
     new_component_ = made.component;
     made_.component = id;
     made_.is_new_component = true;
@@ -285,6 +323,7 @@ class Contributor {
     for (const DriveId& drive : made_.drives) {
       commit.contributions.emplace_back(part_ ? KeyOf(drive, *part_) : KeyOf(drive), "");
     }
+    CARMAP_ASSIGN_OR_RETURN(commit.contributions.front().second, EncodeConstraints(constraints_));
     commit.journal_text = ToJournal(made_);
     CARMAP_ASSIGN_OR_RETURN(made_.sequence, base_.Apply(commit));
     return made_;
@@ -297,6 +336,7 @@ class Contributor {
   std::optional<Component> new_component_;
   std::optional<uint32_t> part_;  ///< of a diff
   Contribution made_;
+  PoseConstraints constraints_;
   /// By what was taken last.
   size_t added_keyframes_ = 0, added_landmarks_ = 0, replaced_landmarks_ = 0;
 };

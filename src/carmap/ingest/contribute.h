@@ -38,7 +38,10 @@ struct Contribution {
   uint32_t component = 0;
   bool is_new_component = false;  ///< it touches nothing that was there
   std::vector<uint32_t> joined;   ///< components that it connects to its own, which they became
-  std::optional<FitReport> fit;   ///< absent for a new component
+  /// Components that look like the segment's road too, but where it does not fit, or which do not
+  /// fit its own: they stay apart.
+  std::vector<uint32_t> contradicting;
+  std::optional<FitReport> fit;  ///< absent for a new component
   /// Between the segment's fixes and where it was fitted on the Earth, horizontally, the median.
   std::optional<double> gps_offset_m;
   size_t keyframes = 0;            ///< of the segment

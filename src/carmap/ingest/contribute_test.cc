@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <string>
 
+#include "carmap/ingest/revert.h"
 #include "carmap/ingest/test_base.h"
+#include "carmap/map/by_id.h"
 
 namespace carmap {
 namespace {
@@ -119,6 +121,50 @@ TEST_F(ContributeTest, KeepsApartWhatDoesNotTouchAndJoinsItLater) {
                           [&](const auto& a, const auto& b) { return key(a) < key(b); });
   EXPECT_NEAR(key(*north) - key(*south), 330, 1.5);
   ExpectPatchesLeadToTiles();
+}
+
+TEST_F(ContributeTest, TakesEachPartOfADriveOnceInAnyOrder) {
+  const Street street = MakeStreet(3, 330);
+  const LeanMap base = MapOf(street, {.id = 1, .to_m = 300});
+  Add(base);
+  const MapDiff first = DiffOf(MapOf(street, {.id = 2, .from_m = 20, .to_m = 120}), 1, 0);
+  const MapDiff second = DiffOf(MapOf(street, {.id = 2, .from_m = 120, .to_m = 220}), 1, 1);
+  const auto add = [&](const MapDiff& diff) {
+    const auto made = Contribute(diff, "diff", *base_);
+    EXPECT_TRUE(made.ok()) << made.status();
+  };
+  add(first);
+  add(second);
+  const auto tiles = AllTiles();
+  EXPECT_TRUE(absl::IsAlreadyExists(Contribute(first, "again", *base_).status()));
+  EXPECT_EQ(AllTiles().size(), tiles.size());
+  EXPECT_EQ(Log().size(), 3u);
+  const LeanMap in_order = Whole(1).map();
+  ExpectPatchesLeadToTiles();
+
+  base_ = BaseMap::Over(MakeMemoryStore(BaseMap::NewHeader()), "base").value();
+  Add(base);
+  add(second);
+  add(first);
+  const LeanMap reversed = Whole(1).map();
+  // But for what few drives saw, which may make way, both have the same landmarks where they are.
+  size_t both = 0, apart = 0;
+  for (const LeanLandmark& landmark : in_order.landmarks) {
+    const LeanLandmark* other = FindById(reversed.landmarks, landmark.id);
+    if (other == nullptr) continue;
+    ++both;
+    apart += (other->position_in_map - landmark.position_in_map).norm() > 0.1;
+  }
+  EXPECT_LT(apart, both / 100);  // far ones, of which a disparity tells little
+  EXPECT_GT(both, 9 * in_order.landmarks.size() / 10);
+}
+
+TEST_F(ContributeTest, GivesNoNumberOfAComponentTwice) {
+  Add(MapOf(MakeStreet(3, 130), {.id = 1}));
+  Add(MapOf(MakeStreet(4, 130), {.id = 2, .has_gps = false}));
+  ASSERT_TRUE(Revert(ToHex(DriveId{2, 5}), *base_).ok());
+  EXPECT_EQ(base_->Components()->size(), 1u);
+  EXPECT_EQ(Add(MapOf(MakeStreet(5, 130), {.id = 3, .has_gps = false})).component, 3u);
 }
 
 TEST_F(ContributeTest, RefusesWhatContradictsTheBaseAndChangesNothing) {

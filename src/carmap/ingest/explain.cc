@@ -71,10 +71,14 @@ void TellNow(const LeanMap& map, const LeanLandmark& landmark, std::vector<std::
 absl::Status TellPatches(const TileId& tile, const std::string& drive, uint32_t index,
                          const History& history, const BaseMap& base,
                          std::vector<std::string>& lines) {
-  CARMAP_ASSIGN_OR_RETURN(const std::vector<StoredPatch> patches,
-                          base.reader().ReadPatches(tile, 0));
+  const auto patches = base.reader().ReadPatches(tile, 0);
+  if (absl::IsOutOfRange(patches.status())) {
+    lines.push_back(fmt::format("  {}: its history was compacted", NameOf(tile)));
+    return absl::OkStatus();
+  }
+  CARMAP_RETURN_IF_ERROR(patches.status());
   bool is_there = false;
-  for (const StoredPatch& stored : patches) {
+  for (const StoredPatch& stored : *patches) {
     CARMAP_ASSIGN_OR_RETURN(const Patch patch, DecodePatch(stored.patch, base.name()));
     const bool is_removed = std::any_of(
         patch.removed_landmarks.begin(), patch.removed_landmarks.end(), [&](const LandmarkId& id) {

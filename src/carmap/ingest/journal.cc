@@ -27,7 +27,7 @@ nlohmann::ordered_json ToJson(const TileVersion& tile) {
 
 }  // namespace
 
-std::string KeyOf(DriveId drive) { return "drive/" + ToHex(drive); }
+std::string KeyOf(DriveId drive) { return fmt::format("{}{}", kContributionPrefix, ToHex(drive)); }
 
 std::string KeyOf(DriveId drive, uint32_t part) { return fmt::format("{}/{}", KeyOf(drive), part); }
 

@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "carmap/base/ids.h"
@@ -17,6 +18,8 @@ namespace carmap {
 
 struct Contribution;
 
+/// What the keys of all contributions begin with.
+inline constexpr std::string_view kContributionPrefix = "drive/";
 /// Of a whole drive, and of a part of one, in the store's list of contributions.
 std::string KeyOf(DriveId drive);
 std::string KeyOf(DriveId drive, uint32_t part);

@@ -19,28 +19,39 @@
 namespace carmap {
 namespace {
 
-absl::StatusOr<LoggedChange> FindContribution(const std::string& drive,
-                                              const std::vector<LoggedChange>& log,
-                                              const BaseMap& base) {
-  std::optional<LoggedChange> found;
+/// What the drive contributed and was not taken back, in parts or as a whole, the newest first.
+absl::StatusOr<std::vector<LoggedChange>> FindContributions(const std::string& drive,
+                                                            const std::vector<LoggedChange>& log,
+                                                            const BaseMap& base) {
+  constexpr size_t kMinDigits = 6;
+  if (drive.size() < kMinDigits) {
+    return absl::InvalidArgumentError(
+        fmt::format("'{}' is too short for a drive's id; write {} digits or more (`carmap base log "
+                    "{}` lists them)",
+                    drive, kMinDigits, base.name()));
+  }
+  std::vector<LoggedChange> found;
+  std::set<std::string> ids;
   for (const LoggedChange& change : log) {
-    const bool is_of_drive =
-        std::any_of(change.drives.begin(), change.drives.end(),
-                    [&](const std::string& id) { return absl::StartsWith(id, drive); });
-    if (!is_of_drive) continue;
+    std::vector<std::string> named;
+    std::copy_if(change.drives.begin(), change.drives.end(), std::back_inserter(named),
+                 [&](const std::string& id) { return absl::StartsWith(id, drive); });
+    if (named.empty()) continue;
     if (change.kind == "revert") {
-      found.reset();
+      found.clear();
+      ids.clear();
     } else if (change.kind == "add") {
-      if (found) {
-        return absl::InvalidArgumentError(
-            fmt::format("{}: several drives begin with {}; write more digits (`carmap base log {}` "
-                        "lists them)",
-                        base.name(), drive, base.name()));
-      }
-      found = change;
+      ids.insert(named.begin(), named.end());
+      found.insert(found.begin(), change);
     }
   }
-  if (found) return *found;
+  if (ids.size() > 1) {
+    return absl::InvalidArgumentError(
+        fmt::format("{}: several drives begin with {}; write more digits (`carmap base log {}` "
+                    "lists them)",
+                    base.name(), drive, base.name()));
+  }
+  if (!found.empty()) return found;
   return absl::NotFoundError(
       fmt::format("{}: no drive of the base begins with {}; `carmap base log "
                   "{}` lists those that were added",
@@ -239,18 +250,38 @@ absl::StatusOr<StoredPatch> PatchTo(const TileVersion& version, const BaseMap& b
   return std::move(patches.front());
 }
 
-}  // namespace
+/// All that contributions of these drives are listed under.
+absl::StatusOr<std::vector<std::string>> KeysOf(const std::set<std::string>& drives,
+                                                const BaseMap& base) {
+  std::vector<std::string> keys;
+  for (const std::string& id : drives) {
+    CARMAP_RETURN_IF_ERROR(base.reader().VisitContributions(
+        fmt::format("{}{}", kContributionPrefix, id), [&](std::string_view key, std::string_view) {
+          keys.emplace_back(key);
+          return absl::OkStatus();
+        }));
+  }
+  return keys;
+}
 
-absl::StatusOr<Reversion> Revert(const std::string& drive, BaseMap& base) {
-  CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> log, ReadLog(base.reader()));
-  CARMAP_ASSIGN_OR_RETURN(const LoggedChange added, FindContribution(drive, log, base));
-  const std::set<std::string> drives(added.drives.begin(), added.drives.end());
-  std::set<std::string> others = ContributedDrives(log);
-  for (const std::string& id : drives) others.erase(id);
-  Reversion made{.name = added.name};
-  Changes changes(base);
+/// Whether the component has tiles after these changes.
+absl::StatusOr<bool> HasTilesLeft(uint32_t component, const std::vector<TileVersion>& changed,
+                                  const BaseMap& base) {
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> all, base.reader().ListTiles());
+  return std::any_of(all.begin(), all.end(), [&](const TileVersion& tile) {
+    const auto change = std::find_if(changed.begin(), changed.end(),
+                                     [&](const auto& t) { return t.tile == tile.tile; });
+    const bool is_removed = change != changed.end() ? change->is_removed : tile.is_removed;
+    return tile.tile.component == component && !is_removed;
+  });
+}
+
+/// Takes one contribution out of what is changed so far.
+absl::Status TakeBack(const LoggedChange& added, const std::vector<LoggedChange>& log,
+                      const std::set<std::string>& drives, const std::set<std::string>& others,
+                      const BaseMap& base, Changes& changes, Reversion& made) {
   for (const TileVersion& version : added.tiles) {
-    CARMAP_ASSIGN_OR_RETURN(const auto now, base.Read(version.tile));
+    CARMAP_ASSIGN_OR_RETURN(const auto now, changes.Read(version.tile));
     if (version.is_removed || WasJoined(version, log)) {
       return absl::FailedPreconditionError(fmt::format(
           "{}: {} joined components, or was joined to another since; it cannot be taken back alone",
@@ -264,26 +295,44 @@ absl::StatusOr<Reversion> Revert(const std::string& drive, BaseMap& base) {
                             TileReversion(*now, patch, inverse, drives, others).Run(made));
     CARMAP_RETURN_IF_ERROR(changes.Put(std::move(without)));
   }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<Reversion> Revert(const std::string& drive, BaseMap& base) {
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> log, ReadLog(base.reader()));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> added,
+                          FindContributions(drive, log, base));
+  std::set<std::string> drives, others = ContributedDrives(log);
+  for (const LoggedChange& change : added) {
+    drives.insert(change.drives.begin(), change.drives.end());
+  }
+  for (const std::string& id : drives) others.erase(id);
+  Reversion made{.name = added.front().name};
+  Changes changes(base);
+  for (const LoggedChange& change : added) {
+    CARMAP_RETURN_IF_ERROR(TakeBack(change, log, drives, others, base, changes, made));
+  }
   Commit commit;
   CARMAP_RETURN_IF_ERROR(changes.AddTo(DefaultVocabulary(), commit));
   LoggedChange entry{.kind = "revert",
                      .time = TimeText(),
-                     .name = added.name,
-                     .drives = added.drives,
-                     .component = added.component};
+                     .name = made.name,
+                     .drives = {drives.begin(), drives.end()},
+                     .component = added.front().component};
   for (const TileChange& change : commit.tiles) {
     entry.tiles.push_back({change.tile, change.from_version + 1, !change.bytes});
   }
-  for (const std::string& id : added.drives) commit.withdrawn.push_back("drive/" + id);
+  CARMAP_ASSIGN_OR_RETURN(commit.withdrawn, KeysOf(drives, base));
   // A component of which nothing is left goes.
-  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> all, base.reader().ListTiles());
-  const bool has_others = std::any_of(all.begin(), all.end(), [&](const TileVersion& tile) {
-    const auto changed = std::find_if(entry.tiles.begin(), entry.tiles.end(),
-                                      [&](const auto& t) { return t.tile == tile.tile; });
-    const bool is_removed = changed != entry.tiles.end() ? changed->is_removed : tile.is_removed;
-    return tile.tile.component == added.component && !is_removed;
-  });
-  if (!has_others) commit.components.emplace_back(added.component, "");
+  for (const LoggedChange& change : added) {
+    CARMAP_ASSIGN_OR_RETURN(const bool is_left, HasTilesLeft(change.component, entry.tiles, base));
+    const bool is_listed =
+        std::any_of(commit.components.begin(), commit.components.end(),
+                    [&](const auto& put) { return put.first == change.component; });
+    if (!is_left && !is_listed) commit.components.emplace_back(change.component, "");
+  }
   commit.journal_text = ToJournal(entry);
   made.tiles = entry.tiles;
   CARMAP_ASSIGN_OR_RETURN(made.sequence, base.Apply(commit));

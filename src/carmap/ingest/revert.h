@@ -25,9 +25,9 @@ struct Reversion {
 };
 
 /// `drive` is the beginning of the drive's id in hexadecimal digits, enough to tell it from others.
-/// All drives that were added with it are taken back too. Errors: NotFound (no such contribution),
-/// InvalidArgument (several), FailedPrecondition (what it changed has been joined to another
-/// component since), those of the store.
+/// All its parts, and all drives that were added with it, are taken back. Errors: NotFound (no such
+/// contribution), InvalidArgument (several, or less than six digits), FailedPrecondition (what it
+/// changed has been joined to another component since), those of the store.
 absl::StatusOr<Reversion> Revert(const std::string& drive, BaseMap& base);
 
 }  // namespace carmap

@@ -49,6 +49,29 @@ TEST_F(RevertTest, LeavesWhatWasThereBefore) {
   EXPECT_EQ(Log().back().kind, "revert");
 }
 
+TEST_F(RevertTest, TakesAllPartsOfADriveBack) {
+  const auto before = Hashes();
+  for (uint32_t part = 0; part < 2; ++part) {
+    const LeanMap drive =
+        MapOf(street_, {.id = 4, .from_m = 20 + 100.0 * part, .to_m = 120 + 100.0 * part});
+    ASSERT_TRUE(Contribute(DiffOf(drive, 1, part), "diff", *base_).ok());
+  }
+  EXPECT_NE(Hashes(), before);
+  const auto made = Revert(ToHex({4, 5}), *base_);
+  ASSERT_TRUE(made.ok()) << made.status();
+  EXPECT_EQ(Hashes(), before);
+  ExpectPatchesLeadToTiles();
+  EXPECT_FALSE(Revert(ToHex({4, 5}), *base_).ok());
+  // It may come again.
+  const LeanMap drive = MapOf(street_, {.id = 4, .from_m = 20, .to_m = 120});
+  EXPECT_TRUE(Contribute(DiffOf(drive, 1, 0), "diff", *base_).ok());
+}
+
+TEST_F(RevertTest, AsksForDigitsEnough) {
+  EXPECT_EQ(Revert("", *base_).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(Revert("00000", *base_).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
 TEST_F(RevertTest, TakesTheDriveAgainAfterwards) {
   Add(second_);
   const auto after_adding = Hashes();
@@ -117,16 +140,16 @@ TEST_F(RevertTest, EndsAComponentOfWhichNothingIsLeft) {
   ASSERT_TRUE(Revert(ToHex({1, 5}), *base_).ok());
   EXPECT_THAT(Tiles(1), IsEmpty());
   EXPECT_THAT(*base_->Components(), IsEmpty());
-  EXPECT_EQ(Add(second_).component, 1u);
+  EXPECT_EQ(Add(second_).component, 2u);
   ExpectPatchesLeadToTiles();
 }
 
 TEST_F(RevertTest, SaysWhichDrivesThereAre) {
-  const auto unknown = Revert("77", *base_);
+  const auto unknown = Revert("777777", *base_);
   EXPECT_TRUE(absl::IsNotFound(unknown.status()));
   EXPECT_THAT(std::string(unknown.status().message()), HasSubstr("carmap base log"));
   Add(second_);
-  EXPECT_TRUE(absl::IsInvalidArgument(Revert("0000", *base_).status()));
+  EXPECT_TRUE(absl::IsInvalidArgument(Revert("000000", *base_).status()));
   ASSERT_TRUE(Revert(ToHex({2, 5}), *base_).ok());
   EXPECT_TRUE(absl::IsNotFound(Revert(ToHex({2, 5}), *base_).status()));
 }

@@ -59,6 +59,21 @@ class BaseTest : public ::testing::Test {
     return made.value_or(Contribution{});
   }
 
+  /// What a drive that is localized in the component proposes: this part of what it saw.
+  MapDiff DiffOf(const LeanMap& drive, uint32_t component, uint32_t part) const {
+    const MapView view = Whole(component);
+    MapDiff diff = Fit(view.map(), drive).value().diff;
+    diff.part = part;
+    diff.frame = {component, view.frame_cell()};
+    diff.drive = Moved(
+        diff.drive, RootFromTile(view.grid(), view.frame_cell()).Inverse() * view.root_from_view());
+    const auto rename = [&](auto& id, uint32_t per_part) { id.index += per_part * part; };
+    for (LeanKeyframe& keyframe : diff.drive.keyframes) rename(keyframe.id, 1000);
+    for (LeanLandmark& landmark : diff.drive.landmarks) rename(landmark.id, 100'000);
+    for (SameLandmark& same : diff.seen_again) rename(same.in_drive, 100'000);
+    return diff;
+  }
+
   std::vector<TileVersion> AllTiles() const { return base_->reader().ListTiles().value(); }
   std::vector<LoggedChange> Log() const { return ReadLog(base_->reader()).value(); }
 

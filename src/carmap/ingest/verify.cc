@@ -64,6 +64,13 @@ absl::Status Repair(const Tile& replayed, BaseMap& base) {
   return base.Apply(commit).status();
 }
 
+void Count(const LeanMap& tile, Verification& found) {
+  found.landmarks += tile.landmarks.size();
+  found.keyframes += static_cast<size_t>(
+      std::count_if(tile.keyframes.begin(), tile.keyframes.end(),
+                    [](const LeanKeyframe& keyframe) { return !keyframe.is_stub; }));
+}
+
 }  // namespace
 
 absl::StatusOr<Verification> Verify(BaseMap& base, bool repair, const VerifyProgress& progress) {
@@ -93,13 +100,11 @@ absl::StatusOr<Verification> Verify(BaseMap& base, bool repair, const VerifyProg
         status = absl::DataLossError("is not what its patches made it");
       }
       if (status.ok()) {
-        found.landmarks += (*tile)->map.landmarks.size();
-        found.keyframes += static_cast<size_t>(
-            std::count_if((*tile)->map.keyframes.begin(), (*tile)->map.keyframes.end(),
-                          [](const LeanKeyframe& keyframe) { return !keyframe.is_stub; }));
+        Count((*tile)->map, found);
       } else if (repair && replayed.ok()) {
         CARMAP_RETURN_IF_ERROR(Repair(*replayed, base));
         ++found.repaired;
+        Count(replayed->map, found);
       } else {
         found.problems.push_back(fmt::format("{}: {}", name, std::string(status.message())));
       }

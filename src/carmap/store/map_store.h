@@ -94,6 +94,12 @@ class MapReader {
   virtual absl::StatusOr<std::vector<std::pair<uint32_t, std::string>>> ReadComponents() const = 0;
   virtual absl::StatusOr<std::optional<std::string>> ReadContribution(
       std::string_view key) const = 0;
+  /// Calls visit(key, value) for each contribution whose key begins so, ascending, until it is not
+  /// ok. `prefix` is not empty and does not end with '\xff'.
+  virtual absl::Status VisitContributions(
+      std::string_view prefix,
+      const std::function<absl::Status(std::string_view key, std::string_view value)>& visit)
+      const = 0;
   /// Entries from `first_sequence` on, ascending, at most `max_count`.
   virtual absl::StatusOr<std::vector<JournalEntry>> ReadJournal(uint64_t first_sequence,
                                                                 size_t max_count) const = 0;

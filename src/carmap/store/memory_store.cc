@@ -101,6 +101,16 @@ class MemorySnapshot final : public MapReader {
     return *found->second;
   }
 
+  absl::Status VisitContributions(
+      std::string_view prefix,
+      const std::function<absl::Status(std::string_view, std::string_view)>& visit) const override {
+    for (auto it = state_->contributions.lower_bound(prefix);
+         it != state_->contributions.end() && it->first.starts_with(prefix); ++it) {
+      CARMAP_RETURN_IF_ERROR(visit(it->first, *it->second));
+    }
+    return absl::OkStatus();
+  }
+
   absl::StatusOr<std::vector<JournalEntry>> ReadJournal(uint64_t first_sequence,
                                                         size_t max_count) const override {
     std::vector<JournalEntry> entries;

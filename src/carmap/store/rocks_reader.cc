@@ -115,6 +115,14 @@ absl::StatusOr<std::optional<std::string>> RocksReader::ReadContribution(
   return Find(Family::kContributions, key, fmt::format("contribution {}", key));
 }
 
+absl::Status RocksReader::VisitContributions(
+    std::string_view prefix,
+    const std::function<absl::Status(std::string_view, std::string_view)>& visit) const {
+  std::string end(prefix);
+  ++end.back();
+  return Scan(Family::kContributions, std::string(prefix), end, "the contributions", visit);
+}
+
 absl::StatusOr<std::vector<JournalEntry>> RocksReader::ReadJournal(uint64_t first_sequence,
                                                                    size_t max_count) const {
   CARMAP_ASSIGN_OR_RETURN(const uint64_t newest, Sequence());

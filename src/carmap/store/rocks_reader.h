@@ -35,6 +35,9 @@ class RocksReader final : public MapReader {
                                                        uint64_t after_version) const override;
   absl::StatusOr<std::vector<std::pair<uint32_t, std::string>>> ReadComponents() const override;
   absl::StatusOr<std::optional<std::string>> ReadContribution(std::string_view key) const override;
+  absl::Status VisitContributions(
+      std::string_view prefix,
+      const std::function<absl::Status(std::string_view, std::string_view)>& visit) const override;
   absl::StatusOr<std::vector<JournalEntry>> ReadJournal(uint64_t first_sequence,
                                                         size_t max_count) const override;
 

@@ -114,7 +114,9 @@ class RocksStore final : public SnapshotReads {
     for (const TileVersion& tile : tiles) {
       if (tile.version > kept) CARMAP_RETURN_IF_ERROR(DropPatches(reader, tile, kept, batch));
     }
-    return Translate(database_->Write(batch), folder_, "the patches");
+    CARMAP_RETURN_IF_ERROR(Translate(database_->Write(batch), folder_, "the patches"));
+    return Translate(database_->db().CompactRange({}, family(Family::kPatches), nullptr, nullptr),
+                     folder_, "the patches");
   }
 
  private:

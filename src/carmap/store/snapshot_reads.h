@@ -41,6 +41,11 @@ class SnapshotReads : public MapStore {
   absl::StatusOr<std::optional<std::string>> ReadContribution(std::string_view key) const override {
     return Snapshot()->ReadContribution(key);
   }
+  absl::Status VisitContributions(
+      std::string_view prefix,
+      const std::function<absl::Status(std::string_view, std::string_view)>& visit) const override {
+    return Snapshot()->VisitContributions(prefix, visit);
+  }
   absl::StatusOr<std::vector<JournalEntry>> ReadJournal(uint64_t first_sequence,
                                                         size_t max_count) const override {
     return Snapshot()->ReadJournal(first_sequence, max_count);

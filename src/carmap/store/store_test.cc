@@ -314,6 +314,24 @@ TEST_P(StoreTest, PutsAndRemovesComponentsAndContributions) {
   EXPECT_EQ(*store().ReadContribution("a"), "new");
 }
 
+TEST_P(StoreTest, VisitsContributionsByTheBeginningOfTheirKeys) {
+  carmap::Commit commit;
+  commit.contributions = {{"b/2", "2"}, {"b/1", "1"}, {"b", "no"}, {"b0", "no"}, {"c/1", "no"}};
+  Commit(commit);
+  std::vector<std::pair<std::string, std::string>> visited;
+  const auto visit = [&](std::string_view key, std::string_view value) {
+    visited.emplace_back(key, value);
+    return absl::OkStatus();
+  };
+  EXPECT_TRUE(store().VisitContributions("b/", visit).ok());
+  EXPECT_THAT(visited, ElementsAre(Pair("b/1", "1"), Pair("b/2", "2")));
+  EXPECT_TRUE(store().VisitContributions("d", visit).ok());
+  EXPECT_EQ(visited.size(), 2u);
+  const absl::Status stopped = store().VisitContributions(
+      "b/", [](std::string_view, std::string_view) { return absl::CancelledError("enough"); });
+  EXPECT_EQ(stopped.message(), "enough");
+}
+
 TEST_P(StoreTest, ListsTilesAscendingRemovedOnesToo) {
   const std::vector<TileId> tiles = {{0, 5},          {1, 0},   {1, 255},       {1, 256},
                                      {1, UINT64_MAX}, {256, 1}, {UINT32_MAX, 0}};

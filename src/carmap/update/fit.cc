@@ -189,6 +189,8 @@ absl::StatusOr<FittedSegment> Fit(const LeanMap& base, const LeanMap& segment,
                    .median_misfit_m = MedianMisfitM(fit),
                    .largest_strain = strain.ratio,
                    .scale = Scale(fit, segment)};
+  fitted.anchors = fit.anchors;
+  fitted.steps = StepsOf(segment_map);
   return fitted;
 }
 

@@ -7,6 +7,7 @@
 #include <absl/status/statusor.h>
 
 #include <cstddef>
+#include <vector>
 
 #include "carmap/map/lean_map.h"
 #include "carmap/map/map_diff.h"
@@ -47,6 +48,8 @@ struct FitReport {
 struct FittedSegment {
   MapDiff diff;
   FitReport report;
+  std::vector<AnchoredKeyframe> anchors;  ///< what holds the segment to the base
+  std::vector<DriveStep> steps;           ///< and what holds it together
 };
 
 /// Errors, each with figures: InvalidArgument (a map is not consistent), NotFound (no overlap, or

@@ -212,32 +212,6 @@ class AnchorSearch {
   KeyframeLocator& locator_;
 };
 
-/// The springs: each keyframe to the one before it in its drive, and to two far from it in time
-/// that see much of the same.
-void AddSteps(const ReconstructedMap& segment, const SegmentLinks& links, const StepNoise& noise,
-              uint32_t first_pose_idx, PoseGraph& graph) {
-  constexpr size_t kMaxFarSteps = 2;
-  constexpr uint32_t kMinSharedLandmarks = 30, kMinKeyframesBetween = 20;
-  const auto count = static_cast<uint32_t>(segment.snapshot.keyframes.size());
-  const auto add = [&](uint32_t from, uint32_t to, bool is_lost) {
-    graph.edges.push_back(StepEdge(first_pose_idx + from, first_pose_idx + to,
-                                   links.Between(to, from), noise, is_lost));
-  };
-  for (uint32_t i = 0; i < count; ++i) {
-    if (i > 0 && links.AreInOneDrive(i - 1, i)) add(i - 1, i, !links.IsStep(i - 1));
-    size_t far_steps = 0;
-    for (const CovisibleKeyframe& other : segment.covisible[i]) {
-      if (other.shared_landmarks < kMinSharedLandmarks || far_steps == kMaxFarSteps) break;
-      if (other.keyframe_idx >= i || (links.AreInOneDrive(other.keyframe_idx, i) &&
-                                      other.keyframe_idx + kMinKeyframesBetween > i)) {
-        continue;
-      }
-      add(other.keyframe_idx, i, false);
-      ++far_steps;
-    }
-  }
-}
-
 /// Poses that the anchors and the segment's steps agree on best, and the weight of each anchor.
 void Bend(const ReconstructedMap& segment, const BendOptions& options, SegmentFit& fit) {
   constexpr uint32_t kBase = 0, kFirstPose = 1;
@@ -253,7 +227,12 @@ void Bend(const ReconstructedMap& segment, const BendOptions& options, SegmentFi
                            anchor.base_from_camera.Inverse(), anchor.sigma_m, anchor.sigma_rad,
                            /*is_robust=*/true});
   }
-  AddSteps(segment, SegmentLinks(segment), options.step, kFirstPose, graph);
+  for (const auto& [from, to, is_lost] : StepsOf(segment)) {
+    const Rigid3 to_from_from = segment.snapshot.keyframes[to].map_from_camera.Inverse() *
+                                segment.snapshot.keyframes[from].map_from_camera;
+    graph.edges.push_back(
+        StepEdge(kFirstPose + from, kFirstPose + to, to_from_from, options.step, is_lost));
+  }
   const PoseGraphSummary summary = SolvePoseGraph(graph);
   for (size_t i = 0; i < fit.anchors.size(); ++i) fit.anchors[i].weight = summary.edge_weights[i];
   for (size_t i = 0; i < fit.base_from_camera.size(); ++i) {
@@ -289,6 +268,27 @@ void FindMoreAnchors(const SegmentLinks& links, const AnchorSearch& search,
 }
 
 }  // namespace
+
+std::vector<DriveStep> StepsOf(const ReconstructedMap& map) {
+  constexpr size_t kMaxFarSteps = 2;
+  constexpr uint32_t kMinSharedLandmarks = 30, kMinKeyframesBetween = 20;
+  const SegmentLinks links(map);
+  std::vector<DriveStep> steps;
+  for (uint32_t i = 0; i < map.snapshot.keyframes.size(); ++i) {
+    if (i > 0 && links.AreInOneDrive(i - 1, i)) steps.push_back({i - 1, i, !links.IsStep(i - 1)});
+    size_t far_steps = 0;
+    for (const CovisibleKeyframe& other : map.covisible[i]) {
+      if (other.shared_landmarks < kMinSharedLandmarks || far_steps == kMaxFarSteps) break;
+      if (other.keyframe_idx >= i || (links.AreInOneDrive(other.keyframe_idx, i) &&
+                                      other.keyframe_idx + kMinKeyframesBetween > i)) {
+        continue;
+      }
+      steps.push_back({other.keyframe_idx, i, false});
+      ++far_steps;
+    }
+  }
+  return steps;
+}
 
 SegmentFit FitSegment(const ReconstructedMap& base, const ReconstructedMap& segment,
                       const LocatedKeyframe& start, const BendOptions& options,

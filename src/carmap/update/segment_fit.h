@@ -62,6 +62,16 @@ struct SegmentFit {
   std::vector<AnchoredKeyframe> contradicting;  ///< and those that the others contradict
 };
 
+/// Two keyframes that a drive's map places relative to each other, ascending.
+struct DriveStep {
+  uint32_t from_idx = 0, to_idx = 0;
+  bool is_lost = false;  ///< they see nothing in common
+};
+
+/// Of each keyframe the step from the one before it in its drive, and from two long before that
+/// see much of the same: what holds the map of a drive together.
+std::vector<DriveStep> StepsOf(const ReconstructedMap& map);
+
 /// `start` is a keyframe whose place is known. From there the search for anchors goes along the
 /// segment, each predicted from its neighbour; what left the base and comes back is found again.
 SegmentFit FitSegment(const ReconstructedMap& base, const ReconstructedMap& segment,
