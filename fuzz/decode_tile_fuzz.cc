@@ -84,6 +84,7 @@ void PatchToTheOther(carmap::Tile from, carmap::Tile to) {
   to.id = from.id;
   to.version = from.version;
   to = Tidy(to);
+  to.map = carmap::Quantize(to.map);
   const carmap::Patch patch = carmap::MakePatch(from, to);
   Check(carmap::AppliedAndVerified(patch, from).ok());
   const absl::StatusOr<std::string> bytes = carmap::EncodePatch(patch, kFast);

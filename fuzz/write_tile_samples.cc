@@ -32,6 +32,7 @@ int main(int argc, char** argv) {
   }
   const carmap::Tile tile = carmap::SampleTile();
   carmap::Tile next = carmap::SampleNextTile();
+  next.map = carmap::Quantize(next.map);
   const std::string of_tile = BytesOf(carmap::EncodeTile(tile));
   const std::string of_patch = BytesOf(carmap::EncodePatch(carmap::MakePatch(tile, next)));
   const std::string of_diff = BytesOf(carmap::EncodeDiff(carmap::SampleDiff()));

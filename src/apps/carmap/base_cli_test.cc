@@ -127,6 +127,18 @@ TEST_F(BaseCliTest, TakesAContributionBack) {
   EXPECT_EQ(Run({"base", "add", "town.base", "../tuesday.cmap"}).exit_code, 0);
 }
 
+TEST_F(BaseCliTest, RestoresABaseThatCannotBeOpened) {
+  ASSERT_EQ(Run({"base", "add", "town.base", "../monday.cmap", "../tuesday.cmap"}).exit_code, 0);
+  const auto before = Info()["components"];
+  std::ofstream(root_ / "work" / "town.base" / "rocksdb" / "CURRENT") << "nonsense";
+  ExpectRefused({"base", "info", "town.base"}, "carmap base verify town.base --repair");
+  const Result repaired = Run({"base", "verify", "town.base", "--repair"});
+  EXPECT_EQ(repaired.exit_code, 0) << repaired.err;
+  EXPECT_THAT(repaired.out, AllOf(HasSubstr("restored"), HasSubstr("rocksdb.damaged.1")));
+  EXPECT_EQ(Info()["components"], before);
+  ExpectRefused({"base", "add", "town.base", "../monday.cmap"}, "is in the base already");
+}
+
 TEST_F(BaseCliTest, AdjustsAndCompacts) {
   ASSERT_EQ(Run({"base", "add", "town.base", "../monday.cmap", "../tuesday.cmap"}).exit_code, 0);
   const Result adjusted = Run({"base", "adjust", "town.base", "--report", "a.json"});

@@ -276,10 +276,32 @@ absl::StatusOr<ExitCode> Log(const Arguments& arguments) {
   return kSuccess;
 }
 
+/// With --repair also a base that cannot be opened.
+absl::StatusOr<std::unique_ptr<BaseMap>> OpenToVerify(const Arguments& arguments) {
+  if (!arguments.repair) return BaseMap::Open(arguments.base, StoreAccess::kReadOnly);
+  auto base = BaseMap::Open(arguments.base, StoreAccess::kReadWrite);
+  if (!absl::IsDataLoss(base.status())) return base;
+  PrintProblem(std::string(base.status().message()));
+  CARMAP_ASSIGN_OR_RETURN(const StoreRepair made, RepairStore(arguments.base));
+  fmt::print(
+      "restored      the store's metadata from what else it holds; the files as they were: {}\n",
+      made.damaged.string());
+  if (made.lost_commits > 0) {
+    PrintProblem(fmt::format(
+        "{}: the newest {} lost; add their maps again", arguments.base,
+        made.lost_commits == 1 ? "commit is" : fmt::format("{} commits are", made.lost_commits)));
+  }
+  if (made.lost_journal_entries > 0) {
+    PrintProblem(fmt::format(
+        "{}: {} of the journal lost; what they told of stays in the tiles", arguments.base,
+        made.lost_journal_entries == 1 ? "1 entry is"
+                                       : fmt::format("{} entries are", made.lost_journal_entries)));
+  }
+  return BaseMap::Open(arguments.base, StoreAccess::kReadWrite);
+}
+
 absl::StatusOr<ExitCode> Verify(const Arguments& arguments) {
-  CARMAP_ASSIGN_OR_RETURN(const auto base,
-                          BaseMap::Open(arguments.base, arguments.repair ? StoreAccess::kReadWrite
-                                                                         : StoreAccess::kReadOnly));
+  CARMAP_ASSIGN_OR_RETURN(const auto base, OpenToVerify(arguments));
   CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base->reader().ListTiles());
   Progress progress("verifying", tiles.size());
   CARMAP_ASSIGN_OR_RETURN(
@@ -292,6 +314,10 @@ absl::StatusOr<ExitCode> Verify(const Arguments& arguments) {
       found.journal_entries == 1 ? "1 entry" : fmt::format("{} entries", found.journal_entries));
   if (found.repaired > 0) {
     fmt::print("repaired      {}, from its patches\n", Count(found.repaired, "tile"));
+  }
+  if (found.relisted_components + found.relisted_drives > 0) {
+    fmt::print("listed again  {}, {}\n", Count(found.relisted_components, "component"),
+               Count(found.relisted_drives, "drive"));
   }
   for (const std::string& problem : found.problems) {
     PrintProblem(fmt::format("{}: {}", arguments.base, problem));
@@ -520,6 +546,8 @@ written)");
                    "Make damaged tiles anew, where their history is whole");
   verify->footer(
       R"(Reads every tile and every patch: a tile must be readable, consistent, and what its patches made it.
+With --repair a base that cannot be opened is restored from what can still be read, too; its files as they
+were stay beside it, in rocksdb.damaged.1, to be removed once all is well.
 
 Exit codes: 0 sound (or all repaired), 1 damaged, or an error, 2 wrong usage)");
 

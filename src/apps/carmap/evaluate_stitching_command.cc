@@ -110,12 +110,16 @@ class Evaluation {
 
   /// Errors: the truth is not of this segment.
   absl::Status Add(const Input& segment, const Trajectory& truth) {
+    const auto aligned = AlignMapToTruth(segment.lean, truth);
+    if (!aligned.ok()) return WithName(segment.path, aligned.status());
+    const MapAlignment& own = *aligned;
     nlohmann::ordered_json json = {{"segment", segment.path},
                                    {"keyframes", segment.lean.keyframes.size()},
+                                   {"own_rmse_m", own.rmse_m},
                                    {"ways", nlohmann::ordered_json::array()}};
     for (size_t i = 0; i < ways_.size(); ++i) {
       CARMAP_ASSIGN_OR_RETURN(const Result result, Stitch(ways_[i], segment, truth));
-      Print(segment, ways_[i].name, result);
+      Print(segment, own.rmse_m, ways_[i].name, result);
       json["ways"].push_back(ToJson(ways_[i].name, result));
       curves_[i].points.emplace_back();
       if (result.score) curves_[i].points.back() = {result.score->error_m.mean, result.ms};
@@ -137,9 +141,9 @@ class Evaluation {
 
   static void PrintHead() {
     fmt::print(
-        "| segment | keyframes | way | placed | mean error | largest | in the base, mean | largest "
-        "| "
-        "within bounds | ms |\n|---|---|---|---|---|---|---|---|---|---|\n");
+        "| segment | keyframes | by itself, RMSE | way | placed | mean error | largest | in the "
+        "base, mean | largest | within bounds | ms |\n|---|---|---|---|---|---|---|---|---|---|---|"
+        "\n");
   }
 
  private:
@@ -158,18 +162,20 @@ class Evaluation {
     return Result{absl::OkStatus(), score, placed->ms};
   }
 
-  static void Print(const Input& segment, const char* way, const Result& result) {
+  static void Print(const Input& segment, double own_rmse_m, const char* way,
+                    const Result& result) {
     const size_t keyframes = segment.lean.keyframes.size();
     const std::string name = std::filesystem::path(segment.path).stem().string();
     if (!result.score) {
-      fmt::print("| {} | {} | {} | – | ∞ | | | | | {} |\n", name, keyframes, way,
-                 std::string(result.status.message()));
+      fmt::print("| {} | {} | {:.3f} m | {} | – | ∞ | | | | | {} |\n", name, keyframes, own_rmse_m,
+                 way, std::string(result.status.message()));
       return;
     }
     const StitchingScore& score = *result.score;
     fmt::print(
-        "| {} | {} | {} | {} | {:.3f} m | {:.3f} m | {:.3f} m | {:.3f} m | {:.0f} % | {:.0f} |\n",
-        name, keyframes, way, score.keyframes, score.error_m.mean, score.error_m.max,
+        "| {} | {} | {:.3f} m | {} | {} | {:.3f} m | {:.3f} m | {:.3f} m | {:.3f} m | {:.0f} % | "
+        "{:.0f} |\n",
+        name, keyframes, own_rmse_m, way, score.keyframes, score.error_m.mean, score.error_m.max,
         score.map_error_m.mean, score.map_error_m.max,
         100.0 * static_cast<double>(score.within_bounds) / static_cast<double>(score.keyframes),
         result.ms);
@@ -284,7 +290,8 @@ void AddEvaluateStitching(CLI::App& evaluate, Command& chosen) {
   quicksketch  one keyframe of the segment's full map is found in the base's full map by appearance,
                the others follow; needs what `carmap map --full-map` writes, M.cfull beside M.cmap
 
-Errors are distances of the segment's keyframes from the truth: of the base aligned as a whole, and
+`By itself` is the segment's own error, once it is aligned to the truth alone: what no stitching takes away.
+The others are distances of the segment's keyframes from the truth: of the base aligned as a whole, and
 `in the base` from where the base's own keyframes nearby have the truth, which leaves the base's errors out.
 Within bounds is what is off by at most 0.1 m up to 50 m from the base, and by 0.1 % of the way beyond.
 

@@ -18,8 +18,8 @@ PlainKdTree PlainTree(const KdTree& tree) {
 
 std::vector<PlainCovisibility> PlainCovisibilityOf(const ReconstructedMap& map) {
   std::vector<PlainCovisibility> edges;
-  for (uint32_t a = 0; a < map.covisible.size(); ++a) {
-    for (const CovisibleKeyframe& b : map.covisible[a]) {
+  for (uint32_t a = 0; a < map.covisible().size(); ++a) {
+    for (const CovisibleKeyframe& b : map.covisible()[a]) {
       if (a < b.keyframe_idx) edges.push_back({a, b.keyframe_idx, b.shared_landmarks});
     }
   }
@@ -54,7 +54,7 @@ absl::StatusOr<CompositionBytes> MeasureComposition(const Map& map, const Stripp
   }
   contents.observed_feature_idxs = ObservedFeatures(map, stripped);
   contents.keyframe_tree = PlainTree(reconstructed.keyframe_centers);
-  contents.landmark_tree = PlainTree(reconstructed.landmark_positions);
+  contents.landmark_tree = PlainTree(reconstructed.landmark_positions());
   contents.covisibility = PlainCovisibilityOf(reconstructed);
   return MeasureComposition(contents);
 }

@@ -57,7 +57,7 @@ MatchingCounts MatchingMeter::Measure(const std::vector<Feature>& features,
   };
 
   std::vector<bool> is_in_sight(landmarks.size(), false);
-  for (const uint32_t idx : map_.landmark_positions.WithinRadius(
+  for (const uint32_t idx : map_.landmark_positions().WithinRadius(
            true_camera_from_map.Inverse().translation, kFarthestM)) {
     is_in_sight[idx] = IsInSight(landmarks[idx], rig_, true_camera_from_map) &&
                        IsShown(place_of(idx), grid, rig_, options_);

@@ -12,7 +12,7 @@
 namespace carmap {
 namespace {
 
-constexpr double kLeftPx = 84, kRightPx = 28, kTopPx = 92, kGapPx = 96, kBottomPx = 70;
+constexpr double kLeftPx = 84, kRightPx = 28, kTopPx = 92, kGapPx = 110, kBottomPx = 70;
 constexpr double kHeightPx = 220, kMinWidthPx = 620, kSegmentPx = 110;
 constexpr double kLabelPx = 11, kNamePx = 12, kTitlePx = 17, kDotPx = 4.5;
 constexpr std::array<Rgb, 4> kColours = {kEstimateColour, kTruthColour, kKeyframeColour,
@@ -125,7 +125,7 @@ cv::Mat RenderStitching(const std::string& title, const std::vector<std::string>
     for (size_t i = 0; i < segments.size(); ++i) {
       canvas.Text(segments[i], {panel.X(i), bottom + 20}, kLabelPx, kGrey, Anchor::kMiddle);
     }
-    bottom += kHeightPx + kGapPx - 24;
+    bottom += kHeightPx + kGapPx;
   }
   return canvas.Finish();
 }

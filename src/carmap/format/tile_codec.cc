@@ -171,8 +171,7 @@ absl::StatusOr<MapDiff> DecodeDiff(std::string_view bytes, const std::string& na
   return diff;
 }
 
-Patch MakePatch(const Tile& from, Tile& to) {
-  to.map = Quantize(to.map);
+Patch MakePatch(const Tile& from, const Tile& to) {
   Patch patch = DifferenceOf(from, to);
   patch.hash = HashOf(to.map);
   return patch;

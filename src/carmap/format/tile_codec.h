@@ -32,9 +32,9 @@ absl::StatusOr<std::string> EncodeDiff(const MapDiff& diff,
                                        const LeanEncodeOptions& options = kTileEncoding);
 absl::StatusOr<MapDiff> DecodeDiff(std::string_view bytes, const std::string& name);
 
-/// The patch from one version of a tile to the next, whose map becomes what comes back from its
+/// The patch from one version of a tile to the next, whose maps are as they come back from their
 /// bytes (Quantize).
-Patch MakePatch(const Tile& from, Tile& to);
+Patch MakePatch(const Tile& from, const Tile& to);
 
 /// The tile as the patch leaves it, its hash compared. Errors: those of Applied; DataLoss (another
 /// hash: the tile or the patch is not what it was; fetch the tile).

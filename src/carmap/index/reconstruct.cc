@@ -204,10 +204,16 @@ ReconstructedMap IndexSnapshot(MapSnapshot snapshot, double focal_length_px) {
   result.snapshot = std::move(snapshot);
   result.focal_length_px = focal_length_px;
   result.keyframes_of_landmark = MakeKeyframesOfLandmark(result.snapshot);
-  result.covisible = MakeCovisibility(result.snapshot, result.keyframes_of_landmark);
   result.keyframe_centers = TreeOfCenters(result.snapshot.keyframes);
-  result.landmark_positions = TreeOfPositions(result.snapshot.landmarks);
   return result;
+}
+
+const Grouped<CovisibleKeyframe>& ReconstructedMap::covisible() const {
+  return covisible_.Get([&] { return MakeCovisibility(snapshot, keyframes_of_landmark); });
+}
+
+const KdTree& ReconstructedMap::landmark_positions() const {
+  return landmark_positions_.Get([&] { return TreeOfPositions(snapshot.landmarks); });
 }
 
 const StereoRig& RigOf(const ReconstructedMap& map, uint32_t keyframe_idx) {

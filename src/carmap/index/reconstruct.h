@@ -15,6 +15,7 @@
 #include <optional>
 #include <vector>
 
+#include "carmap/base/lazy.h"
 #include "carmap/feature/feature.h"
 #include "carmap/geometry/geodesy.h"
 #include "carmap/index/grouped.h"
@@ -67,12 +68,19 @@ struct ReconstructedMap {
   double focal_length_px = 0;
   /// The map-feature index (§2): of each landmark the keyframes that see it, ascending.
   Grouped<uint32_t> keyframes_of_landmark;
+  KdTree keyframe_centers;
+  std::optional<GpsIndex> gps;
+
   /// Of each keyframe those that share most landmarks with it, most shared first, at most
   /// kMaxCovisible. Of a landmark's list the kMaxListNeighbours before and after the keyframe
-  /// count.
-  Grouped<CovisibleKeyframe> covisible;
-  KdTree keyframe_centers, landmark_positions;
-  std::optional<GpsIndex> gps;
+  /// count. Built by the first call.
+  const Grouped<CovisibleKeyframe>& covisible() const;
+  /// Built by the first call.
+  const KdTree& landmark_positions() const;
+
+ private:
+  Lazy<Grouped<CovisibleKeyframe>> covisible_;
+  Lazy<KdTree> landmark_positions_;
 };
 
 /// The map must be consistent (CheckConsistency). `focal_length_px` is fx of the camera that the

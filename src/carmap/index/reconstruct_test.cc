@@ -66,7 +66,7 @@ TEST(Reconstruct, BuildsTheIndexesOfLinks) {
   }
   for (uint32_t k = 0; k < lean.keyframes.size(); ++k) {
     uint32_t previous = UINT32_MAX;
-    for (const CovisibleKeyframe& neighbour : map.covisible[k]) {
+    for (const CovisibleKeyframe& neighbour : map.covisible()[k]) {
       uint32_t shared = 0;
       for (const LeanLandmark& landmark : lean.landmarks) {
         const auto sees = [&](uint32_t keyframe) {
@@ -83,7 +83,7 @@ TEST(Reconstruct, BuildsTheIndexesOfLinks) {
     }
   }
   EXPECT_EQ(map.keyframe_centers.size(), lean.keyframes.size());
-  EXPECT_EQ(map.landmark_positions.size(), lean.landmarks.size());
+  EXPECT_EQ(map.landmark_positions().size(), lean.landmarks.size());
 }
 
 /// Keyframes at one place that all see the same landmarks: what makes the most of covisibility.
@@ -109,7 +109,7 @@ TEST(Reconstruct, CostsNoMoreThanAMultipleOfTheLists) {
   ASSERT_TRUE(CheckConsistency(lean).ok());
   const ReconstructedMap map = Reconstruct(lean);
   for (const uint32_t k : {0u, 9'000u, 19'999u}) {
-    const auto covisible = map.covisible[k];
+    const auto covisible = map.covisible()[k];
     EXPECT_LE(covisible.size(), kMaxCovisible);
     ASSERT_GE(covisible.size(), kMaxListNeighbours);
     for (const CovisibleKeyframe& other : covisible) {
@@ -125,7 +125,7 @@ TEST(Reconstruct, TakesAnEmptyMapAndKeyframesWithoutLandmarks) {
   LeanMap lean = StreetMap();
   lean.landmarks.clear();
   const ReconstructedMap map = Reconstruct(lean);
-  EXPECT_THAT(map.covisible[3], IsEmpty());
+  EXPECT_THAT(map.covisible()[3], IsEmpty());
   EXPECT_FALSE(map.gps);
 }
 

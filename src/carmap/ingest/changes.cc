@@ -217,9 +217,9 @@ std::vector<std::shared_ptr<const Tile>> Changes::Changed() const {
 absl::Status Changes::AddTo(const Vocabulary& vocabulary, Commit& commit) const {
   for (const auto& [id, changed] : changed_) {
     CARMAP_ASSIGN_OR_RETURN(const Tile before, Before(id));
-    Tile after = *changed;
+    const Tile& after = *changed;
     const Patch patch = MakePatch(before, after);
-    if (patch.hash == HashOf(before.map)) continue;  // nothing came of it
+    if (IsEmpty(patch)) continue;  // nothing came of it
     Tile again = before;
     again.version = after.version + 1;
     TileChange change{.tile = id, .from_version = before.version};

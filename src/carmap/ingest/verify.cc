@@ -11,6 +11,7 @@
 #include "carmap/format/tile_codec.h"
 #include "carmap/ingest/journal.h"
 #include "carmap/ingest/tile_words.h"
+#include "carmap/slam/georeference_map.h"
 
 namespace carmap {
 namespace {
@@ -51,16 +52,94 @@ absl::Status Repair(const Tile& replayed, BaseMap& base) {
   TileChange change{.tile = again.id, .from_version = replayed.version};
   CARMAP_ASSIGN_OR_RETURN(change.patch, EncodePatch(MakePatch(replayed, again)));
   CARMAP_ASSIGN_OR_RETURN(change.inverse, EncodePatch(MakePatch(again, before)));
-  CARMAP_ASSIGN_OR_RETURN(change.bytes, EncodeTile(again));
-  change.words = EncodeWords(WordsOf(DefaultVocabulary(), again.map));
+  const bool is_removed = again.map.keyframes.empty();
+  if (!is_removed) {
+    CARMAP_ASSIGN_OR_RETURN(change.bytes, EncodeTile(again));
+    change.words = EncodeWords(WordsOf(DefaultVocabulary(), again.map));
+  }
   LoggedChange entry{.kind = "repair",
                      .time = TimeText(),
                      .name = "carmap base verify --repair",
                      .component = again.id.component,
-                     .tiles = {{again.id, again.version, false}}};
+                     .tiles = {{again.id, again.version, is_removed}}};
   Commit commit;
   commit.tiles = {std::move(change)};
   commit.journal_text = ToJournal(entry);
+  return base.Apply(commit).status();
+}
+
+/// Tiles of components that are not listed: where on the Earth a tile lies its cell tells.
+std::vector<Component> UnlistedComponents(const std::vector<TileVersion>& tiles,
+                                          const std::vector<Component>& listed, int cell_level) {
+  std::vector<Component> unlisted;
+  for (const TileVersion& tile : tiles) {
+    const uint32_t id = tile.tile.component;
+    const auto has_id = [&](const Component& component) { return component.id == id; };
+    if (tile.is_removed || std::any_of(listed.begin(), listed.end(), has_id) ||
+        std::any_of(unlisted.begin(), unlisted.end(), has_id)) {
+      continue;
+    }
+    Component component{.id = id, .grid = {.is_on_earth = true, .level = cell_level}};
+    component.grid.is_on_earth = IsCell(component.grid, tile.tile.cell);
+    if (component.grid.is_on_earth) component.sigma_m = GpsOptions().sigma_m;
+    unlisted.push_back(component);
+  }
+  return unlisted;
+}
+
+/// Drives that the journal tells of and that are listed under no key, so that they could be added
+/// twice.
+absl::StatusOr<std::vector<std::string>> UnlistedDrives(const std::vector<LoggedChange>& log,
+                                                        const MapReader& reader) {
+  std::set<std::string> added;
+  for (const LoggedChange& change : log) {
+    for (const std::string& drive : change.drives) {
+      if (change.kind == "add") added.insert(drive);
+      if (change.kind == "revert") added.erase(drive);
+    }
+  }
+  std::vector<std::string> unlisted;
+  for (const std::string& drive : added) {
+    bool is_listed = false;
+    CARMAP_RETURN_IF_ERROR(reader.VisitContributions(
+        fmt::format("{}{}", kContributionPrefix, drive), [&](std::string_view, std::string_view) {
+          is_listed = true;
+          return absl::OkStatus();
+        }));
+    if (!is_listed) unlisted.push_back(drive);
+  }
+  return unlisted;
+}
+
+/// Compares the lists with what tiles and journal tell, and mends them.
+absl::Status CheckLists(const std::vector<LoggedChange>& log, bool repair, BaseMap& base,
+                        Verification& found) {
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> listed, base.Components());
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base.reader().ListTiles());
+  const std::vector<Component> components = UnlistedComponents(tiles, listed, base.cell_level());
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<std::string> drives,
+                          UnlistedDrives(log, base.reader()));
+  if (components.empty() && drives.empty()) return absl::OkStatus();
+  if (!repair) {
+    for (const Component& component : components) {
+      found.problems.push_back(fmt::format("component {}: is not listed", component.id));
+    }
+    for (const std::string& drive : drives) {
+      found.problems.push_back(fmt::format("drive {}: is not listed", drive));
+    }
+    return absl::OkStatus();
+  }
+  Commit commit;
+  for (const Component& component : components) {
+    commit.components.emplace_back(component.id, EncodeComponent(component));
+  }
+  for (const std::string& drive : drives) {
+    commit.contributions.emplace_back(fmt::format("{}{}", kContributionPrefix, drive), "");
+  }
+  commit.journal_text =
+      ToJournal({.kind = "repair", .time = TimeText(), .name = "carmap base verify --repair"});
+  found.relisted_components = components.size();
+  found.relisted_drives = drives.size();
   return base.Apply(commit).status();
 }
 
@@ -73,10 +152,15 @@ void Count(const LeanMap& tile, Verification& found) {
 
 }  // namespace
 
+absl::StatusOr<StoreRepair> RepairStore(const std::filesystem::path& folder) {
+  return RepairRocksStore(folder, BaseMap::NewHeader(), ToJournal({.kind = "lost"}));
+}
+
 absl::StatusOr<Verification> Verify(BaseMap& base, bool repair, const VerifyProgress& progress) {
   Verification found;
   CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> log, ReadLog(base.reader()));
   found.journal_entries = log.size();
+  CARMAP_RETURN_IF_ERROR(CheckLists(log, repair, base, found));
   CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> listed, base.Components());
   std::set<uint32_t> components;
   for (const Component& component : listed) components.insert(component.id);

@@ -54,5 +54,48 @@ TEST_F(VerifyTest, NamesTheTileThatIsDamaged) {
   EXPECT_EQ(found->tiles, Tiles(1).size());
 }
 
+TEST_F(VerifyTest, ListsAgainWhatTilesAndJournalTell) {
+  const Component before = base_->Components()->front();
+  Commit commit;
+  commit.components = {{1, ""}};
+  commit.withdrawn = {KeyOf(DriveId{2, 5})};
+  commit.journal_text = ToJournal(LoggedChange{.kind = "spoil"});
+  ASSERT_TRUE(base_->Apply(commit).ok());
+  const auto found = Verify(*base_, false);
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_THAT(found->problems,
+              ::testing::IsSupersetOf({HasSubstr("component 1: is not listed"),
+                                       HasSubstr(ToHex(DriveId{2, 5}) + ": is not listed")}));
+  const auto repaired = Verify(*base_, true);
+  ASSERT_TRUE(repaired.ok()) << repaired.status();
+  EXPECT_THAT(repaired->problems, IsEmpty());
+  EXPECT_EQ(repaired->relisted_components, 1u);
+  EXPECT_EQ(repaired->relisted_drives, 1u);
+  ASSERT_EQ(base_->Components()->size(), 1u);
+  EXPECT_EQ(base_->Components()->front().grid, before.grid);
+  EXPECT_TRUE(base_->reader().ReadContribution(KeyOf(DriveId{2, 5}))->has_value());
+}
+
+TEST_F(VerifyTest, RepairsATileFromItsPatches) {
+  const TileId id = Tiles(1).front();
+  const uint64_t hash = HashOf((*base_->Read(id))->map);
+  // A tile that is lost, of which the patches are whole: as after the loss of its table.
+  const uint64_t version = *base_->reader().VersionOf(id);
+  Tile tile = **base_->Read(id), next = tile;
+  next.version = version + 1;
+  Commit commit;
+  commit.tiles = {{id, version, "not a tile", EncodePatch(MakePatch(tile, next)).value(),
+                   EncodePatch(MakePatch(next, tile)).value(), ""}};
+  commit.journal_text = ToJournal(LoggedChange{.kind = "spoil"});
+  ASSERT_TRUE(base_->Apply(commit).ok());
+  EXPECT_FALSE(Verify(*base_, false)->problems.empty());
+  const auto repaired = Verify(*base_, true);
+  ASSERT_TRUE(repaired.ok()) << repaired.status();
+  EXPECT_EQ(repaired->repaired, 1u);
+  EXPECT_EQ(repaired->landmarks, Whole(1).map().landmarks.size());
+  EXPECT_EQ(HashOf((*base_->Read(id))->map), hash);
+  EXPECT_THAT(Verify(*base_, false)->problems, IsEmpty());
+}
+
 }  // namespace
 }  // namespace carmap

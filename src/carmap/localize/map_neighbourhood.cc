@@ -56,7 +56,7 @@ std::vector<uint32_t> FirstThatSee(const ReconstructedMap& map, std::vector<uint
 std::vector<uint32_t> WithCovisible(const ReconstructedMap& map, uint32_t keyframe_idx,
                                     size_t neighbours) {
   std::vector<uint32_t> keyframe_idxs = {keyframe_idx};
-  for (const CovisibleKeyframe& neighbour : map.covisible[keyframe_idx]) {
+  for (const CovisibleKeyframe& neighbour : map.covisible()[keyframe_idx]) {
     if (keyframe_idxs.size() > neighbours) break;
     keyframe_idxs.push_back(neighbour.keyframe_idx);
   }

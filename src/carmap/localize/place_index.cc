@@ -34,7 +34,7 @@ std::vector<uint32_t> PlaceIndex::KeyframesBeside(uint32_t keyframe_idx) const {
   const auto& keyframes = map_.snapshot.keyframes;
   const Eigen::Vector3d& center = keyframes[keyframe_idx].map_from_camera.translation;
   std::vector<uint32_t> beside = {keyframe_idx};
-  for (const CovisibleKeyframe& other : map_.covisible[keyframe_idx]) {
+  for (const CovisibleKeyframe& other : map_.covisible()[keyframe_idx]) {
     const auto& p_in_map = keyframes[other.keyframe_idx].map_from_camera.translation;
     if ((p_in_map - center).norm() <= options_.radius_m) beside.push_back(other.keyframe_idx);
   }

@@ -127,12 +127,29 @@ bool AreEqual(const LeanMap& map_a, const LeanLandmark& a, const LeanMap& map_b,
          kSamePositionM;
 }
 
+/// Finds records by ids that ascend from one call to the next, of records ascending by id.
+template <typename Record>
+class AscendingSearch {
+ public:
+  explicit AscendingSearch(const std::vector<Record>& records)
+      : next_(records.begin()), end_(records.end()) {}
+
+  const Record* Find(const decltype(Record::id)& id) {
+    while (next_ != end_ && next_->id < id) ++next_;
+    return next_ != end_ && next_->id == id ? &*next_ : nullptr;
+  }
+
+ private:
+  typename std::vector<Record>::const_iterator next_, end_;
+};
+
 template <typename Record, typename Id>
 std::vector<Id> Missing(const std::vector<Record>& of, const std::vector<Record>& in,
                         Id Record::*id) {
   std::vector<Id> missing;
+  AscendingSearch search(in);
   for (const Record& record : of) {
-    if (FindById(in, record.id) == nullptr) missing.push_back(record.*id);
+    if (search.Find(record.id) == nullptr) missing.push_back(record.*id);
   }
   return missing;
 }
@@ -170,15 +187,22 @@ absl::StatusOr<Tile> Applied(const Patch& patch, const Tile& tile) {
   return next;
 }
 
+bool IsEmpty(const Patch& patch) {
+  return patch.put.drives.empty() && patch.put.keyframes.empty() && patch.put.landmarks.empty() &&
+         patch.removed_keyframes.empty() && patch.removed_landmarks.empty();
+}
+
 Patch DifferenceOf(const Tile& from, const Tile& to) {
   Patch patch{.tile = to.id, .from_version = from.version, .to_version = to.version};
   std::vector<bool> is_put(to.map.keyframes.size(), false);
+  AscendingSearch keyframes_before(from.map.keyframes);
   for (size_t i = 0; i < to.map.keyframes.size(); ++i) {
-    const LeanKeyframe* before = FindById(from.map.keyframes, to.map.keyframes[i].id);
+    const LeanKeyframe* before = keyframes_before.Find(to.map.keyframes[i].id);
     is_put[i] = before == nullptr || !AreEqual(*before, to.map.keyframes[i]);
   }
+  AscendingSearch landmarks_before(from.map.landmarks);
   for (const LeanLandmark& landmark : to.map.landmarks) {
-    const LeanLandmark* before = FindById(from.map.landmarks, landmark.id);
+    const LeanLandmark* before = landmarks_before.Find(landmark.id);
     if (before != nullptr && AreEqual(from.map, *before, to.map, landmark)) {
       continue;
     }

@@ -45,6 +45,9 @@ struct Patch {
 /// what is not there).
 absl::StatusOr<Tile> Applied(const Patch& patch, const Tile& tile);
 
+/// Whether it changes nothing but the version.
+bool IsEmpty(const Patch& patch);
+
 /// The smallest patch that makes `to` of `from`, two versions of a tile. Its hash is 0.
 Patch DifferenceOf(const Tile& from, const Tile& to);
 

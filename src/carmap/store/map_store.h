@@ -141,4 +141,20 @@ enum class StoreAccess {
 absl::StatusOr<std::unique_ptr<MapStore>> OpenRocksStore(const std::filesystem::path& folder,
                                                          StoreAccess access);
 
+/// What a repair brought back, and what not.
+struct StoreRepair {
+  std::filesystem::path damaged;      ///< where the files lie now as they were
+  uint64_t lost_journal_entries = 0;  ///< in whose places stands the text for lost ones
+  uint64_t lost_commits = 0;          ///< the newest, of which nothing is left
+};
+
+/// Makes anew what a store that cannot be opened lost of its metadata, from all that can still be
+/// read: which tables there are, versions of tiles, the sequence; `header` stands in for one that
+/// is lost. What it does not know it does not invent: components and contributions in damaged
+/// tables stay lost, and tiles whose bytes are lost are damaged. Errors: as OpenRocksStore;
+/// Unavailable if another process writes it.
+absl::StatusOr<StoreRepair> RepairRocksStore(const std::filesystem::path& folder,
+                                             std::string_view header,
+                                             std::string_view lost_journal_text);
+
 }  // namespace carmap

@@ -140,6 +140,12 @@ absl::StatusOr<std::unique_ptr<RocksDatabase>> RocksDatabase::Open(
   return database;
 }
 
+absl::Status RocksDatabase::Repair(const std::filesystem::path& path) {
+  return Translate(rocksdb::RepairDB(path.string(), MakeOptions(DatabaseAccess::kWriteDamaged),
+                                     DescribeFamilies(kFamilyCount)),
+                   path.parent_path(), "the store");
+}
+
 RocksDatabase::~RocksDatabase() {
   for (rocksdb::ColumnFamilyHandle* handle : handles_) {
     if (handle != nullptr) db_->DestroyColumnFamilyHandle(handle);
@@ -173,6 +179,10 @@ rocksdb::Status RocksDatabase::Write(rocksdb::WriteBatch& batch) {
   rocksdb::Status status = db_->Write(options, &batch);
   if (!status.ok()) listener_->has_failed = true;
   return status;
+}
+
+rocksdb::Status RocksDatabase::Flush() {
+  return db_->Flush({}, {handles_.begin(), handles_.end()});
 }
 
 absl::Status Damaged(const std::filesystem::path& folder, std::string_view what,

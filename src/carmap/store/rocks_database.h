@@ -41,6 +41,10 @@ class RocksDatabase {
  public:
   static absl::StatusOr<std::unique_ptr<RocksDatabase>> Open(const std::filesystem::path& path,
                                                              DatabaseAccess access);
+  /// Finds out anew which tables and writes belong to a database whose list of them is damaged, and
+  /// leaves tables with damage out, in a folder `lost` in it. Changes the files.
+  static absl::Status Repair(const std::filesystem::path& path);
+
   ~RocksDatabase();
   RocksDatabase(const RocksDatabase&) = delete;
   RocksDatabase& operator=(const RocksDatabase&) = delete;
@@ -55,6 +59,9 @@ class RocksDatabase {
 
   /// Returns when all is on disk. Once it fails, as on a full disk, has_failed is to be heeded.
   rocksdb::Status Write(rocksdb::WriteBatch& batch);
+
+  /// Moves what is in the log to tables.
+  rocksdb::Status Flush();
 
   /// Whether nothing may be written until the database is opened again. (RocksDB's own Resume would
   /// at times wait for ever, and at times write on to a log that ends in half a commit.)

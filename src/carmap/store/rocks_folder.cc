@@ -22,6 +22,12 @@ constexpr size_t kRecordSize = 16;
 
 fs::path RecordIn(const fs::path& database) { return database / "ACKNOWLEDGED"; }
 
+absl::Status NoStore(const fs::path& folder, std::string_view what) {
+  return absl::NotFoundError(
+      fmt::format("{}: {}; check the path, or make a base map with `carmap base init {}`",
+                  folder.string(), what, folder.string()));
+}
+
 }  // namespace
 
 fs::path DatabaseIn(const fs::path& folder) { return folder / "rocksdb"; }
@@ -111,6 +117,15 @@ void AcknowledgedRecord::Write(uint64_t sequence) {
   AppendUint(~sequence, bytes);
   // A record that cannot be written stays behind, and a commit that is on disk is not to fail.
   [[maybe_unused]] const ssize_t written = ::pwrite(file_.value(), bytes.data(), bytes.size(), 0);
+}
+
+absl::Status CheckHoldsStore(const fs::path& folder) {
+  std::error_code error;
+  const fs::file_status status = fs::status(folder, error);
+  if (!fs::exists(status)) return NoStore(folder, "no such folder");
+  if (!fs::is_directory(status)) return NoStore(folder, "a file, not a base map's folder");
+  if (!fs::exists(DatabaseIn(folder), error)) return NoStore(folder, "holds no base map");
+  return absl::OkStatus();
 }
 
 }  // namespace carmap

@@ -48,6 +48,9 @@ class Descriptor {
   int value_;
 };
 
+/// Errors: NotFound, with what to do, if the folder holds no store.
+absl::Status CheckHoldsStore(const std::filesystem::path& folder);
+
 /// The right to write a folder, until it is closed or the process ends. Errors: Unavailable.
 absl::StatusOr<Descriptor> LockFolder(const std::filesystem::path& folder);
 

@@ -43,6 +43,9 @@ T ReadBigEndian(std::string_view bytes) {
   return value;
 }
 
+/// A key in every family that is no other's: longer than one of a contribution may be.
+inline std::string FamilyMarker() { return std::string(kMaxKeySize + 1, '\xff'); }
+
 inline std::string SequenceKey(uint64_t sequence) {
   std::string key;
   AppendBigEndian(sequence, key);

@@ -226,21 +226,6 @@ class RocksStore final : public SnapshotReads {
 
 fs::path UnfinishedIn(const fs::path& folder) { return folder / "rocksdb.new"; }
 
-absl::Status NoStore(const fs::path& folder, std::string_view what) {
-  return absl::NotFoundError(
-      fmt::format("{}: {}; check the path, or make a base map with `carmap base init {}`",
-                  folder.string(), what, folder.string()));
-}
-
-absl::Status CheckHoldsStore(const fs::path& folder) {
-  std::error_code error;
-  const fs::file_status status = fs::status(folder, error);
-  if (!fs::exists(status)) return NoStore(folder, "no such folder");
-  if (!fs::is_directory(status)) return NoStore(folder, "a file, not a base map's folder");
-  if (!fs::exists(DatabaseIn(folder), error)) return NoStore(folder, "holds no base map");
-  return absl::OkStatus();
-}
-
 /// Unavailable if a writer beside this process removed a log meanwhile: the commits that it held
 /// could be missing here, being in a table that is newer than the list of tables that was read.
 absl::StatusOr<std::shared_ptr<RocksDatabase>> OpenUndisturbed(const fs::path& folder) {
@@ -312,7 +297,13 @@ absl::Status WriteEmptyStore(const fs::path& path, std::string_view header) {
   put(kFormatKey, format);
   put(kHeaderKey, header);
   put(kSequenceKey, SequenceKey(0));
+  // Each family has a table from the beginning: a repair knows families by their tables alone.
+  const std::string marker = FamilyMarker();
+  for (size_t i = 0; i < kFamilyCount; ++i) {
+    batch.Put(database->family(static_cast<Family>(i)), marker, "");
+  }
   CARMAP_RETURN_IF_ERROR(Translate(database->Write(batch), path.parent_path(), "the header"));
+  CARMAP_RETURN_IF_ERROR(Translate(database->Flush(), path.parent_path(), "the header"));
   CARMAP_ASSIGN_OR_RETURN(auto acknowledged, AcknowledgedRecord::Open(path));
   acknowledged.Write(0);
   return absl::OkStatus();

@@ -734,6 +734,30 @@ class DamagedStoreTest : public RocksStoreTest {
     return Compare(**store, *truth_, HistoryKeys(kCommits));
   }
 
+  /// That each tile is what it was, is named as damaged, or is older if commits were lost. Whether
+  /// all are what they were.
+  bool ExpectRightOrLost(const MapReader& reader, uint64_t lost_commits) const {
+    bool is_whole = lost_commits == 0;
+    const auto listed = reader.ListTiles();
+    EXPECT_TRUE(listed.ok()) << listed.status();
+    const std::vector<TileVersion> expected = *truth_->ListTiles();
+    for (const TileVersion& tile : expected) {
+      const auto version = reader.VersionOf(tile.tile);
+      EXPECT_TRUE(version.ok());
+      EXPECT_LE(*version, tile.version);
+      EXPECT_TRUE(*version == tile.version || lost_commits > 0);
+      const auto stored = reader.ReadTile(tile.tile);
+      is_whole &= stored.ok();
+      if (!stored.ok()) {
+        EXPECT_EQ(stored.status().code(), absl::StatusCode::kDataLoss) << stored.status();
+      } else if (*version == tile.version) {
+        EXPECT_EQ(stored->has_value(), !tile.is_removed);
+        EXPECT_TRUE(!*stored || (*stored)->bytes == BytesOf(*truth_, tile.tile));
+      }
+    }
+    return is_whole;
+  }
+
   std::unique_ptr<MapStore> truth_, store_;
 };
 
@@ -829,6 +853,61 @@ TEST_F(DamagedStoreTest, TellsOfLostCommits) {
   // Refusing it has changed nothing.
   std::ofstream(folder() / "rocksdb" / log, std::ios::binary) << whole;
   EXPECT_THAT(Compare(*Open(), *truth_, HistoryKeys(kCommits)).messages, IsEmpty());
+}
+
+TEST_F(DamagedStoreTest, IsRepairedWhateverFileIsDamaged) {
+  std::mt19937 random(9);
+  int opened_by_repair = 0, unharmed = 0;
+  for (const std::string& file : Files()) {
+    const std::string whole = FileBytes(file);
+    if (whole.empty()) continue;
+    for (int i = 0; i < 3; ++i) {
+      std::string bytes = whole;
+      if (i == 0) {
+        bytes.resize(whole.size() / 2);
+      } else {
+        const size_t offset = random() % whole.size();
+        bytes[offset] = static_cast<char>(bytes[offset] ^ (1 << random() % 8));
+      }
+      Damage(file, bytes);
+      SCOPED_TRACE(fmt::format("{}, {}", file, i));
+      if (!absl::IsDataLoss(OpenRocksStore(folder(), StoreAccess::kReadWrite).status())) continue;
+      const auto made = RepairRocksStore(folder(), "the header", "lost");
+      ASSERT_TRUE(made.ok()) << made.status();
+      EXPECT_TRUE(fs::exists(made->damaged / file));
+      const auto store = Open();
+      ++opened_by_repair;
+      EXPECT_EQ(*store->Header(), "the header");
+      unharmed += ExpectRightOrLost(*store, made->lost_commits + made->lost_journal_entries);
+      EXPECT_TRUE(store->ReadJournal(1, SIZE_MAX).ok());
+      Commit next;
+      next.journal_text = "after";
+      EXPECT_TRUE(store->Apply(next).ok());
+      if (HasFailure()) return;
+    }
+  }
+  EXPECT_GT(opened_by_repair, 5);
+  EXPECT_GT(unharmed, opened_by_repair / 2);
+}
+
+TEST_F(RocksStoreTest, IsRepairedWhenAllIsInTheLog) {
+  ASSERT_TRUE(Create()->Apply(Put(kTile, 0, "first")).ok());
+  std::ofstream(folder() / "rocksdb" / "CURRENT") << "nonsense";
+  ExpectNotOpened(absl::StatusCode::kDataLoss, "--repair");
+  const auto made = RepairRocksStore(folder(), "", "lost");
+  ASSERT_TRUE(made.ok()) << made.status();
+  EXPECT_EQ(made->lost_commits + made->lost_journal_entries, 0u);
+  EXPECT_EQ(BytesOf(*Open(), kTile), "first");
+}
+
+TEST_F(DamagedStoreTest, LosesNothingWithItsListOfTables) {
+  for (const std::string& file : Files()) {
+    if (!file.starts_with("MANIFEST") && file != "CURRENT") continue;
+    Damage(file, "nothing");
+    ExpectNotOpened(absl::StatusCode::kDataLoss, "--repair");
+    ASSERT_TRUE(RepairRocksStore(folder(), "", "lost").ok());
+    EXPECT_THAT(Compare(*Open(), *truth_, HistoryKeys(kCommits)).messages, IsEmpty()) << file;
+  }
 }
 
 // ------------------------------------------------------------------------- other processes

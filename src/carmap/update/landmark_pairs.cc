@@ -17,7 +17,7 @@ constexpr double kPositionFloorM = 0.02;
 // Views from one drive share their keyframes' errors, so more of them do not sharpen a position.
 constexpr double kMaxViewsOfDrive = 1;
 // So many views, evenly out of more, say how uncertain a position is.
-constexpr size_t kViewsLookedAt = 64;
+constexpr size_t kViewsLookedAt = 8;
 
 constexpr double kLeastInformation = 1e-6;  // of a position known to a kilometre
 
@@ -78,6 +78,8 @@ Eigen::Matrix3d LandmarkCovariance(const ReconstructedMap& map, uint32_t landmar
   const SnapshotLandmark& landmark = map.snapshot.landmarks[landmark_idx];
   const std::span<const uint32_t> viewers = map.keyframes_of_landmark[landmark_idx];
   const size_t looked_at = std::min(viewers.size(), kViewsLookedAt);
+  static const double max_scale = std::pow(kLevelScale, kLevelCount - 1);
+  const double scale_at_1m = std::pow(kLevelScale, landmark.level_at_1m);
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();
   DriveInformation drive;  // of the viewers, which come drive by drive
   DriveId drive_id = map.snapshot.keyframes[viewers.front()].id.drive;
@@ -93,8 +95,9 @@ Eigen::Matrix3d LandmarkCovariance(const ReconstructedMap& map, uint32_t landmar
     const Rigid3& map_from_camera = keyframe.map_from_camera;
     const Eigen::Vector3d p = map_from_camera.Inverse() * landmark.position_in_map;
     if (p.z() < 0.1) continue;
-    const float level = std::clamp<float>(PredictLevel(landmark, p.norm()), 0, kLevelCount - 1);
-    const WhitenedMeasurement view = Whiten(noise, {0, 0}, 1, std::pow(kLevelScale, level));
+    // That of the level that PredictLevel gives.
+    const double scale = std::clamp(scale_at_1m / p.norm(), 1.0, max_scale);
+    const WhitenedMeasurement view = Whiten(noise, {0, 0}, 1, scale);
     const Eigen::Matrix3d jacobian = WhitenedErrorJacobian(RigOf(map, keyframe_idx), view, p) *
                                      map_from_camera.rotation.conjugate().toRotationMatrix();
     drive.of_views += jacobian.transpose() * jacobian;

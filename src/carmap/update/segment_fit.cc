@@ -54,7 +54,7 @@ class SegmentLinks {
   /// Whether the drive tracked itself from the keyframe to the next.
   bool IsStep(uint32_t keyframe_idx) const {
     const uint32_t next = keyframe_idx + 1;
-    const auto seen_with = segment_.covisible[next];
+    const auto seen_with = segment_.covisible()[next];
     return AreInOneDrive(keyframe_idx, next) &&
            std::any_of(seen_with.begin(), seen_with.end(), [&](const CovisibleKeyframe& other) {
              return other.keyframe_idx < next && AreInOneDrive(other.keyframe_idx, next);
@@ -277,7 +277,7 @@ std::vector<DriveStep> StepsOf(const ReconstructedMap& map) {
   for (uint32_t i = 0; i < map.snapshot.keyframes.size(); ++i) {
     if (i > 0 && links.AreInOneDrive(i - 1, i)) steps.push_back({i - 1, i, !links.IsStep(i - 1)});
     size_t far_steps = 0;
-    for (const CovisibleKeyframe& other : map.covisible[i]) {
+    for (const CovisibleKeyframe& other : map.covisible()[i]) {
       if (other.shared_landmarks < kMinSharedLandmarks || far_steps == kMaxFarSteps) break;
       if (other.keyframe_idx >= i || (links.AreInOneDrive(other.keyframe_idx, i) &&
                                       other.keyframe_idx + kMinKeyframesBetween > i)) {
