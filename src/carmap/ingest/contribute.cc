@@ -13,6 +13,7 @@
 #include "carmap/base/status_macros.h"
 #include "carmap/base/summary.h"
 #include "carmap/feature/default_vocabulary.h"
+#include "carmap/index/kd_tree.h"
 #include "carmap/index/reconstruct.h"
 #include "carmap/ingest/candidate_tiles.h"
 #include "carmap/ingest/changes.h"
@@ -68,8 +69,42 @@ std::vector<Eigen::Vector3d> PlacesInRoot(const LeanMap& map, const Rigid3& root
   return places;
 }
 
+/// Whether the segment drives somewhere where the base has seen the road from its side: going the
+/// other way it shows nothing that could be known again, and looking for it would take long.
+bool LooksTheSameWay(const LeanMap& segment, const Rigid3& view_from_segment, const LeanMap& base,
+                     double radius_m) {
+  std::vector<Eigen::Vector3d> centers;
+  for (const LeanKeyframe& keyframe : base.keyframes) {
+    centers.push_back(keyframe.map_from_camera.translation);
+  }
+  const KdTree of_base(std::move(centers));
+  const auto forward = [](const Rigid3& pose) {
+    return Eigen::Vector3d(pose.rotation * Eigen::Vector3d::UnitZ());
+  };
+  return std::any_of(segment.keyframes.begin(), segment.keyframes.end(),
+                     [&](const LeanKeyframe& keyframe) {
+                       const Rigid3 pose = view_from_segment * keyframe.map_from_camera;
+                       const auto near = of_base.WithinRadius(pose.translation, radius_m);
+                       return std::any_of(near.begin(), near.end(), [&](uint32_t i) {
+                         return forward(pose).dot(forward(base.keyframes[i].map_from_camera)) > 0;
+                       });
+                     });
+}
+
+/// A map that is to be fitted, and where on the Earth it lies and heads, as far as that is known.
+struct Segment {
+  const LeanMap& map;
+  std::optional<Rigid3> ecef_from_map;
+};
+
+std::optional<Rigid3> EcefFromMap(const LeanMap& map, const GpsOptions& options) {
+  const auto georeference = GeoreferenceOf(map, options);
+  if (!georeference) return std::nullopt;
+  return EcefFromEnu(georeference->origin) * georeference->enu_from_map;
+}
+
 /// Fits the segment to these tiles, and then to all tiles along the way that this tells.
-absl::StatusOr<Placed> Place(const LeanMap& segment, const CandidateTiles& candidate,
+absl::StatusOr<Placed> Place(const Segment& segment, const CandidateTiles& candidate,
                              const Changes& changes, const BaseMap& base,
                              const ContributeOptions& options) {
   constexpr int kMaxViews = 4;
@@ -77,7 +112,12 @@ absl::StatusOr<Placed> Place(const LeanMap& segment, const CandidateTiles& candi
   std::vector<TileId> tiles = candidate.tiles;
   for (int i = 0;; ++i) {
     CARMAP_ASSIGN_OR_RETURN(MapView view, changes.View(candidate.component, frame_cell, tiles));
-    CARMAP_ASSIGN_OR_RETURN(FittedSegment fitted, Fit(view.map(), segment, options.fit));
+    if (i == 0 && segment.ecef_from_map && view.grid().is_on_earth &&
+        !LooksTheSameWay(segment.map, view.root_from_view().Inverse() * *segment.ecef_from_map,
+                         view.map(), options.radius_m)) {
+      return absl::NotFoundError("the base has the road from the other side alone");
+    }
+    CARMAP_ASSIGN_OR_RETURN(FittedSegment fitted, Fit(view.map(), segment.map, options.fit));
     CARMAP_ASSIGN_OR_RETURN(
         const std::vector<TileId> along,
         TilesNear(base.reader(), candidate.component,
@@ -165,6 +205,7 @@ class Contributor {
   absl::StatusOr<Contribution> Run(const std::string& name) {
     Begin(name);
     CARMAP_ASSIGN_OR_RETURN(const std::vector<CandidateTiles> candidates, Candidates());
+    ecef_from_segment_ = EcefFromMap(segment_, options_.gps);
     absl::Status contradiction;
     for (const CandidateTiles& candidate : candidates) {
       const absl::Status status = made_.fit ? Join(candidate) : FitTo(candidate);
@@ -236,7 +277,7 @@ class Contributor {
 
   /// The first component that the segment fits takes it.
   absl::Status FitTo(const CandidateTiles& candidate) {
-    auto placed = Place(segment_, candidate, changes_, base_, options_);
+    auto placed = Place({segment_, ecef_from_segment_}, candidate, changes_, base_, options_);
     if (absl::IsNotFound(placed.status())) return absl::OkStatus();
     CARMAP_RETURN_IF_ERROR(placed.status());
     CARMAP_RETURN_IF_ERROR(Take(candidate.component, *placed));
@@ -244,6 +285,11 @@ class Contributor {
     made_.fit = placed->fitted.report;
     constraints_ = ConstraintsOf(segment_, placed->fitted.steps);
     AddAnchors(placed->view.map(), segment_, placed->fitted.anchors, constraints_);
+    if (placed->view.grid().is_on_earth) {
+      ecef_from_segment_ = placed->view.root_from_view() *
+                           placed->fitted.diff.drive.keyframes.front().map_from_camera *
+                           segment_.keyframes.front().map_from_camera.Inverse();
+    }
     made_.gps_offset_m = GpsOffsetM(segment_, placed->fitted.diff.drive, placed->view);
     made_.keyframes_added = added_keyframes_;
     made_.landmarks_added = added_landmarks_;
@@ -263,7 +309,8 @@ class Contributor {
   /// Another component that the segment fits, too, becomes part of the segment's.
   absl::Status Join(const CandidateTiles& candidate) {
     if (candidate.component.id == made_.component) return absl::OkStatus();
-    const auto touches = Place(segment_, candidate, changes_, base_, options_);
+    const auto touches =
+        Place({segment_, ecef_from_segment_}, candidate, changes_, base_, options_);
     if (absl::IsNotFound(touches.status())) return absl::OkStatus();
     CARMAP_RETURN_IF_ERROR(touches.status());
 
@@ -278,7 +325,7 @@ class Contributor {
     for (const auto& tile : changes_.Changed()) {
       if (tile->id.component == own->id) around.push_back(tile->id);
     }
-    auto placed = Place(whole.map(), {*own, around}, changes_, base_, options_);
+    auto placed = Place({whole.map(), std::nullopt}, {*own, around}, changes_, base_, options_);
     if (!placed.ok()) {
       return absl::FailedPreconditionError(
           fmt::format("components {} and {} do not fit each other: {}", made_.component,
@@ -334,7 +381,8 @@ class Contributor {
   const ContributeOptions& options_;
   Changes changes_;
   std::optional<Component> new_component_;
-  std::optional<uint32_t> part_;  ///< of a diff
+  std::optional<Rigid3> ecef_from_segment_;  ///< by its fixes, or by where it was fitted
+  std::optional<uint32_t> part_;             ///< of a diff
   Contribution made_;
   PoseConstraints constraints_;
   /// By what was taken last.
