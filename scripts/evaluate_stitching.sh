@@ -121,6 +121,7 @@ overlap() {
   count="$(wc -l <"$drive/times.txt")"
   make_map "$drive" split --last $((count / 2 - 1))
   for both in 1 2 3 5 10 20 40; do
+    ((both < count / 2)) || continue
     first=$((count / 2 - both))
     make_map "$drive" "overlap-$both" --first "$first"
     segments+=("overlap-$both")
@@ -130,11 +131,11 @@ overlap() {
 }
 
 size() {
-  local drive="$drives/path07-s1-620x188" last segments=() count=1050
+  local drive="$drives/path07-s1-620x188" last segments=()
   "$carmap" simulate --out "$drive" --scene suburb --path "$poses/07.txt" --size 620x188 \
-    --traffic moving --gps urban --frames "$count" >&2
+    --traffic moving --gps urban >&2
   make_map "$drive" long --last 149
-  for last in 200 300 500 700 1049; do
+  for last in 200 300 500 700 900; do
     make_map "$drive" "to-$last" --first 130 --last "$last"
     segments+=("to-$last")
   done

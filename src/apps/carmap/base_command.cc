@@ -72,7 +72,10 @@ absl::StatusOr<Added> AddSegment(const std::string& path, const Arguments& argum
 void PrintAdded(const std::string& path, const Added& added) {
   const Contribution& made = added.contribution;
   std::string where = fmt::format("component {}", made.component);
-  if (made.is_new_component) where += ", new: it touches nothing that was there";
+  if (made.is_new_component && made.joined.empty()) {
+    where += ", new: it touches nothing that was there";
+  }
+  if (made.is_new_component && !made.joined.empty()) where += ", new, on the Earth";
   if (!made.joined.empty()) {
     where += fmt::format(", to which it joins {}", fmt::join(made.joined, ", "));
   }
@@ -114,6 +117,7 @@ nlohmann::ordered_json ToJson(const std::string& path, const Added& added) {
                                  {"landmarks_replaced", made.landmarks_replaced},
                                  {"tiles_changed", made.tiles.size()},
                                  {"patch_bytes", made.patch_bytes},
+                                 {"constraint_bytes", made.constraint_bytes},
                                  {"journal_entry", made.sequence},
                                  {"wall_s", added.wall_s}};
   for (const DriveId& drive : made.drives) json["drives"].push_back(ToHex(drive));

@@ -126,22 +126,22 @@ class ComponentGraph {
     return place->second;
   }
 
-  /// The fixes of a drive share one error: all together they tell as much as one.
+  /// Where the fixes of a drive, if they agree with the way that it took, put its keyframes. They
+  /// share one error: all together they tell as much as one.
   void AddFixes(const LeanMap& drive) {
     if (!component_.grid.is_on_earth) return;
-    const auto count = static_cast<double>(
-        std::count_if(drive.keyframes.begin(), drive.keyframes.end(),
-                      [](const LeanKeyframe& keyframe) { return keyframe.gps.has_value(); }));
+    const auto georeference = SettledGeoreferenceOf(drive, options_.gps);
+    if (!georeference) return;
+    const Rigid3 frame_from_map =
+        root_from_frame_.Inverse() * EcefFromEnu(georeference->origin) * georeference->enu_from_map;
+    // The frame is level where it has its origin: y points down.
     const Eigen::Vector3d sigma_m =
         options_.gps.sigma_m * Eigen::Vector3d(1, options_.gps.vertical_factor, 1);
     for (const LeanKeyframe& keyframe : drive.keyframes) {
-      if (!keyframe.gps) continue;
-      // The frame is level where it has its origin: y points down.
-      priors_.push_back(
-          {.pose_idx = NodeOf(keyframe.id),
-           .position_in_map = root_from_frame_.Inverse() * EcefFromEnu(*keyframe.gps).translation,
-           .sqrt_information = sigma_m.cwiseInverse().asDiagonal(),
-           .weight = 1 / count});
+      priors_.push_back({.pose_idx = NodeOf(keyframe.id),
+                         .position_in_map = frame_from_map * keyframe.map_from_camera.translation,
+                         .sqrt_information = sigma_m.cwiseInverse().asDiagonal(),
+                         .weight = 1 / static_cast<double>(drive.keyframes.size())});
     }
   }
 

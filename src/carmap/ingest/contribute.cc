@@ -98,7 +98,7 @@ struct Segment {
 };
 
 std::optional<Rigid3> EcefFromMap(const LeanMap& map, const GpsOptions& options) {
-  const auto georeference = GeoreferenceOf(map, options);
+  const auto georeference = SettledGeoreferenceOf(map, options);
   if (!georeference) return std::nullopt;
   return EcefFromEnu(georeference->origin) * georeference->enu_from_map;
 }
@@ -140,7 +140,7 @@ NewComponent MakeComponent(const LeanMap& segment, uint32_t id, int cell_level,
                            const GpsOptions& options) {
   Component component{.id = id, .grid = {.is_on_earth = false, .level = cell_level}};
   Rigid3 root_from_segment;
-  if (const auto georeference = GeoreferenceOf(segment, options)) {
+  if (const auto georeference = SettledGeoreferenceOf(segment, options)) {
     component.grid.is_on_earth = true;
     component.sigma_m = options.sigma_m;
     root_from_segment = EcefFromEnu(georeference->origin) * georeference->enu_from_map;
@@ -208,7 +208,7 @@ class Contributor {
     ecef_from_segment_ = EcefFromMap(segment_, options_.gps);
     absl::Status contradiction;
     for (const CandidateTiles& candidate : candidates) {
-      const absl::Status status = made_.fit ? Join(candidate) : FitTo(candidate);
+      const absl::Status status = is_placed() ? Join(candidate) : FitTo(candidate);
       // Another component may be the right one: two may look alike.
       if (absl::IsFailedPrecondition(status)) {
         contradiction.Update(status);
@@ -217,7 +217,7 @@ class Contributor {
         CARMAP_RETURN_IF_ERROR(status);
       }
     }
-    if (!made_.fit) {
+    if (!is_placed()) {
       CARMAP_RETURN_IF_ERROR(contradiction);
       CARMAP_RETURN_IF_ERROR(BeginComponent());
     }
@@ -275,11 +275,18 @@ class Contributor {
     return candidates;
   }
 
-  /// The first component that the segment fits takes it.
+  bool is_placed() const { return made_.fit || new_component_; }
+
+  /// The first component that the segment fits takes it, unless it lies nowhere on the Earth and
+  /// the segment does: then it becomes part of the segment's own.
   absl::Status FitTo(const CandidateTiles& candidate) {
     auto placed = Place({segment_, ecef_from_segment_}, candidate, changes_, base_, options_);
     if (absl::IsNotFound(placed.status())) return absl::OkStatus();
     CARMAP_RETURN_IF_ERROR(placed.status());
+    if (!candidate.component.grid.is_on_earth && ecef_from_segment_) {
+      CARMAP_RETURN_IF_ERROR(BeginComponent());
+      return Join(candidate);
+    }
     CARMAP_RETURN_IF_ERROR(Take(candidate.component, *placed));
     made_.component = candidate.component.id;
     made_.fit = placed->fitted.report;
@@ -318,24 +325,30 @@ class Contributor {
                             TilesOf(base_.reader(), candidate.component.id));
     CARMAP_ASSIGN_OR_RETURN(const MapView whole,
                             changes_.View(candidate.component, its_tiles.front().cell, its_tiles));
-    CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, base_.Components());
-    const auto own = std::find_if(components.begin(), components.end(),
-                                  [&](const Component& c) { return c.id == made_.component; });
+    CARMAP_ASSIGN_OR_RETURN(const Component own, OwnComponent());
     std::vector<TileId> around;
     for (const auto& tile : changes_.Changed()) {
-      if (tile->id.component == own->id) around.push_back(tile->id);
+      if (tile->id.component == own.id) around.push_back(tile->id);
     }
-    auto placed = Place({whole.map(), std::nullopt}, {*own, around}, changes_, base_, options_);
+    auto placed = Place({whole.map(), std::nullopt}, {own, around}, changes_, base_, options_);
     if (!placed.ok()) {
       return absl::FailedPreconditionError(
           fmt::format("components {} and {} do not fit each other: {}", made_.component,
                       candidate.component.id, std::string(placed.status().message())));
     }
-    CARMAP_RETURN_IF_ERROR(Take(*own, *placed));
+    CARMAP_RETURN_IF_ERROR(Take(own, *placed));
     AddAnchors(placed->view.map(), whole.map(), placed->fitted.anchors, constraints_);
     for (const TileId& id : its_tiles) CARMAP_RETURN_IF_ERROR(changes_.Put({id, 0, {}}));
     made_.joined.push_back(candidate.component.id);
     return absl::OkStatus();
+  }
+
+  /// The one that the segment is in by now.
+  absl::StatusOr<Component> OwnComponent() const {
+    if (new_component_) return *new_component_;
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, base_.Components());
+    return *std::find_if(components.begin(), components.end(),
+                         [&](const Component& c) { return c.id == made_.component; });
   }
 
   absl::Status BeginComponent() {
@@ -371,6 +384,7 @@ class Contributor {
       commit.contributions.emplace_back(part_ ? KeyOf(drive, *part_) : KeyOf(drive), "");
     }
     CARMAP_ASSIGN_OR_RETURN(commit.contributions.front().second, EncodeConstraints(constraints_));
+    made_.constraint_bytes = commit.contributions.front().second.size();
     commit.journal_text = ToJournal(made_);
     CARMAP_ASSIGN_OR_RETURN(made_.sequence, base_.Apply(commit));
     return made_;

@@ -36,7 +36,7 @@ struct Contribution {
   std::string name;
   std::vector<DriveId> drives;
   uint32_t component = 0;
-  bool is_new_component = false;  ///< it touches nothing that was there
+  bool is_new_component = false;  ///< it touches nothing that was there, but for what it joins
   std::vector<uint32_t> joined;   ///< components that it connects to its own, which they became
   /// Components that look like the segment's road too, but where it does not fit, or which do not
   /// fit its own: they stay apart.
@@ -51,6 +51,7 @@ struct Contribution {
   size_t landmarks_replaced = 0;   ///< of the base, that made way
   std::vector<TileVersion> tiles;  ///< that changed, and to which version
   uint64_t patch_bytes = 0;        ///< that vehicles will fetch for it
+  uint64_t constraint_bytes = 0;   ///< of what it measured of poses, which stays at the base
   uint64_t sequence = 0;           ///< of its entry in the journal
 };
 

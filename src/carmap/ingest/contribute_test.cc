@@ -159,6 +159,27 @@ TEST_F(ContributeTest, TakesEachPartOfADriveOnceInAnyOrder) {
   EXPECT_GT(both, 9 * in_order.landmarks.size() / 10);
 }
 
+TEST_F(ContributeTest, FixesThatTellNoPlaceBeginNoComponentOnTheEarth) {
+  const Street street = MakeStreet(3, 230);
+  LeanMap scattered = MapOf(street, {.id = 1, .to_m = 200});
+  StreetRandom random(5);
+  for (LeanKeyframe& keyframe : scattered.keyframes) {
+    const LocalEnu enu(*keyframe.gps);
+    keyframe.gps = enu.ToGps({random.Normal(5), random.Normal(5), 0});
+  }
+  Add(scattered);
+  EXPECT_FALSE(base_->Components()->front().grid.is_on_earth);
+  // A drive that knows where it is takes it along.
+  const Contribution second = Add(MapOf(street, {.id = 2, .from_m = 40, .to_m = 220}));
+  EXPECT_EQ(second.component, 2u);
+  EXPECT_THAT(second.joined, ElementsAre(1));
+  ASSERT_EQ(base_->Components()->size(), 1u);
+  EXPECT_TRUE(base_->Components()->front().grid.is_on_earth);
+  EXPECT_THAT(Tiles(1), IsEmpty());
+  EXPECT_GT(Whole(2).map().keyframes.size(), second.keyframes);
+  ExpectPatchesLeadToTiles();
+}
+
 TEST_F(ContributeTest, GivesNoNumberOfAComponentTwice) {
   Add(MapOf(MakeStreet(3, 130), {.id = 1}));
   Add(MapOf(MakeStreet(4, 130), {.id = 2, .has_gps = false}));

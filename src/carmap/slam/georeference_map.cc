@@ -69,6 +69,23 @@ std::optional<Georeference> GeoreferenceOf(const LeanMap& map, const GpsOptions&
   return GeoreferenceOf(fixes, options);
 }
 
+std::optional<Georeference> SettledGeoreferenceOf(const LeanMap& map, const GpsOptions& options) {
+  constexpr double kSettledM = 1;
+  const auto georeference = GeoreferenceOf(map, options);
+  if (!georeference) return std::nullopt;
+  const LocalEnu enu(georeference->origin);
+  size_t fixes = 0, settled = 0;
+  for (const LeanKeyframe& keyframe : map.keyframes) {
+    if (!keyframe.gps) continue;
+    const Eigen::Vector3d p_in_enu =
+        georeference->enu_from_map * keyframe.map_from_camera.translation;
+    ++fixes;
+    settled += (enu.FromGps(*keyframe.gps) - p_in_enu).head<2>().norm() <= kSettledM;
+  }
+  if (10 * settled < 9 * fixes) return std::nullopt;
+  return georeference;
+}
+
 std::vector<PositionPrior> FixesAsPriors(const Map& map, const GpsOptions& options) {
   const auto georeference = GeoreferenceOf(map, options);
   if (!georeference) return {};

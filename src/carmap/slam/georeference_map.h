@@ -42,6 +42,10 @@ std::optional<Georeference> GeoreferenceOf(const std::vector<PlacedFix>& fixes,
 std::optional<Georeference> GeoreferenceOf(const Map& map, const GpsOptions& options);
 std::optional<Georeference> GeoreferenceOf(const LeanMap& map, const GpsOptions& options);
 
+/// Of a map whose fixes are those that its georeference stands for (ReplaceFixes), or as good:
+/// nothing if they scatter like a receiver's own, of which a map found that they tell no place.
+std::optional<Georeference> SettledGeoreferenceOf(const LeanMap& map, const GpsOptions& options);
+
 /// The fixes in the map's frame, as priors of the poses of all keyframes in the map's order. Empty
 /// where there is no georeference.
 std::vector<PositionPrior> FixesAsPriors(const Map& map, const GpsOptions& options);
