@@ -71,18 +71,21 @@ std::optional<Georeference> GeoreferenceOf(const LeanMap& map, const GpsOptions&
 
 std::optional<Georeference> SettledGeoreferenceOf(const LeanMap& map, const GpsOptions& options) {
   constexpr double kSettledM = 1;
-  const auto georeference = GeoreferenceOf(map, options);
+  constexpr size_t kEnoughFixes = 256;  // evenly out of more
+  std::vector<PlacedFix> fixes;
+  for (size_t i = 0; i < map.keyframes.size(); i += 1 + map.keyframes.size() / kEnoughFixes) {
+    const LeanKeyframe& keyframe = map.keyframes[i];
+    if (keyframe.gps) fixes.push_back({keyframe.map_from_camera, *keyframe.gps});
+  }
+  const auto georeference = GeoreferenceOf(fixes, options);
   if (!georeference) return std::nullopt;
   const LocalEnu enu(georeference->origin);
-  size_t fixes = 0, settled = 0;
-  for (const LeanKeyframe& keyframe : map.keyframes) {
-    if (!keyframe.gps) continue;
+  const auto settled = std::count_if(fixes.begin(), fixes.end(), [&](const PlacedFix& placed) {
     const Eigen::Vector3d p_in_enu =
-        georeference->enu_from_map * keyframe.map_from_camera.translation;
-    ++fixes;
-    settled += (enu.FromGps(*keyframe.gps) - p_in_enu).head<2>().norm() <= kSettledM;
-  }
-  if (10 * settled < 9 * fixes) return std::nullopt;
+        georeference->enu_from_map * placed.map_from_camera.translation;
+    return (enu.FromGps(placed.fix) - p_in_enu).head<2>().norm() <= kSettledM;
+  });
+  if (10 * settled < 9 * static_cast<std::ptrdiff_t>(fixes.size())) return std::nullopt;
   return georeference;
 }
 

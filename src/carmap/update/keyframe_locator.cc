@@ -28,11 +28,18 @@ std::vector<LocatedKeyframe> Strong(std::vector<LocatedKeyframe> located,
 
 KeyframeLocator::KeyframeLocator(const ReconstructedMap& base, const ReconstructedMap& segment,
                                  const LocatorOptions& options)
-    : segment_(segment),
+    : base_(base),
+      segment_(segment),
       options_(options),
       search_(base, {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()},
               options.place_search) {
   if (options.by_appearance) by_appearance_.emplace(base.snapshot, DefaultVocabulary());
+}
+
+bool KeyframeLocator::IsNearBase(uint32_t keyframe_idx) const {
+  const auto& gps = segment_.snapshot.keyframes[keyframe_idx].gps;
+  return gps && base_.gps &&
+         !base_.gps->KeyframesNear(*gps, options_.place_search.gps_radius_m, 1).empty();
 }
 
 std::vector<LocatedKeyframe> KeyframeLocator::Locate(uint32_t keyframe_idx) {

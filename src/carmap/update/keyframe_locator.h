@@ -41,12 +41,15 @@ class KeyframeLocator {
   KeyframeLocator(const ReconstructedMap& base, const ReconstructedMap& segment,
                   const LocatorOptions& options);
 
+  /// Whether the base has keyframes where the keyframe's fix says; false where one has no fixes.
+  bool IsNearBase(uint32_t keyframe_idx) const;
+
   /// All places that explain the keyframe about as well as the best, which comes first: façades
   /// repeat.
   std::vector<LocatedKeyframe> Locate(uint32_t keyframe_idx);
 
  private:
-  const ReconstructedMap& segment_;
+  const ReconstructedMap &base_, &segment_;
   const LocatorOptions options_;
   PlaceSearch search_;
   std::optional<AppearanceLocalizer> by_appearance_;

@@ -113,8 +113,11 @@ Overlap FindOverlap(const ReconstructedMap& segment, const OverlapOptions& optio
                     KeyframeLocator& locator) {
   Overlap overlap;
   std::vector<LocatedKeyframe> located;
-  for (const uint32_t keyframe_idx :
-       CoarseToFine(static_cast<uint32_t>(segment.snapshot.keyframes.size()))) {
+  std::vector<uint32_t> order =
+      CoarseToFine(static_cast<uint32_t>(segment.snapshot.keyframes.size()));
+  std::stable_partition(order.begin(), order.end(),
+                        [&](uint32_t keyframe_idx) { return locator.IsNearBase(keyframe_idx); });
+  for (const uint32_t keyframe_idx : order) {
     if (overlap.tried == options.max_tries) break;
     ++overlap.tried;
     const std::vector<LocatedKeyframe> places = locator.Locate(keyframe_idx);
