@@ -139,6 +139,44 @@ TEST_F(BaseCliTest, RestoresABaseThatCannotBeOpened) {
   ExpectRefused({"base", "add", "town.base", "../monday.cmap"}, "is in the base already");
 }
 
+TEST_F(BaseCliTest, RepairsAndDiscardsUntilItIsSound) {
+  ASSERT_EQ(Run({"base", "add", "town.base", "../monday.cmap", "../tuesday.cmap"}).exit_code, 0);
+  // The journal's and the patches' tables, as a bad disk may take them.
+  const fs::path database = root_ / "work" / "town.base" / "rocksdb";
+  ASSERT_EQ(Run({"base", "compact", "town.base", "--keep", "1"}).exit_code, 0);
+  for (const auto& entry : fs::directory_iterator(database)) {
+    if (entry.path().extension() == ".log") fs::resize_file(entry.path(), 0);
+    if (entry.path().filename().string().starts_with("MANIFEST")) fs::resize_file(entry.path(), 9);
+  }
+  EXPECT_EQ(Run({"base", "info", "town.base"}).exit_code, 1);
+  Run({"base", "verify", "town.base", "--repair"});
+  const Result discarded = Run({"base", "verify", "town.base", "--discard"});
+  EXPECT_EQ(discarded.exit_code, 0) << discarded.err;
+  EXPECT_EQ(Run({"base", "verify", "town.base"}).exit_code, 0);
+  EXPECT_EQ(Run({"base", "add", "town.base", "../elsewhere.cmap"}).exit_code, 0);
+}
+
+TEST_F(BaseCliTest, EvaluatesStitchingAgainstItsOwnTruthOnly) {
+  const std::vector<std::string> command = {"evaluate", "stitching", "../monday.cmap",
+                                            "../tuesday.cmap", "--base-truth"};
+  const auto with = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = command;
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return arguments;
+  };
+  const Result made = Run(with({Drive(1), "--report", "r.json", "--picture", "p.png"}));
+  EXPECT_EQ(made.exit_code, 0) << made.err;
+  EXPECT_THAT(made.out, HasSubstr("| tuesday |"));
+  const auto report = nlohmann::json::parse(Read(root_ / "work" / "r.json"));
+  EXPECT_EQ(report["segments"][0]["ways"].size(), 3u);
+  EXPECT_TRUE(report["segments"][0]["ways"][0]["stitched"]);
+  EXPECT_LT(report["segments"][0]["ways"][0]["map_error_m"]["mean"], 0.2);
+  EXPECT_TRUE(fs::exists(root_ / "work" / "p.png"));
+  ExpectRefused(with({Drive(2)}), "none of its 1 drives is");
+  ExpectRefused(with({Drive(1), "--segment-truth", Drive(2)}), "none of its 1 drives is");
+  ExpectRefused(with({Drive(1), "--ways", "quicksketch"}), "carmap map --full-map");
+}
+
 TEST_F(BaseCliTest, AdjustsAndCompacts) {
   ASSERT_EQ(Run({"base", "add", "town.base", "../monday.cmap", "../tuesday.cmap"}).exit_code, 0);
   const Result adjusted = Run({"base", "adjust", "town.base", "--report", "a.json"});

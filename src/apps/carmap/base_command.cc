@@ -39,7 +39,7 @@ struct Arguments {
   std::vector<std::string> segments;
   std::optional<uint32_t> component;
   size_t kept_patches = 16;
-  bool accept_suspect = false, json = false, repair = false;
+  bool accept_suspect = false, json = false, repair = false, discard = false;
 };
 
 using Run = absl::StatusOr<ExitCode> (*)(const Arguments&);
@@ -280,37 +280,20 @@ absl::StatusOr<ExitCode> Log(const Arguments& arguments) {
   return kSuccess;
 }
 
-/// With --repair also a base that cannot be opened.
-absl::StatusOr<std::unique_ptr<BaseMap>> OpenToVerify(const Arguments& arguments) {
-  if (!arguments.repair) return BaseMap::Open(arguments.base, StoreAccess::kReadOnly);
-  auto base = BaseMap::Open(arguments.base, StoreAccess::kReadWrite);
-  if (!absl::IsDataLoss(base.status())) return base;
-  PrintProblem(std::string(base.status().message()));
+/// What of a store is damaged, so that no single tile is concerned, is made anew from the rest.
+absl::Status RestoreStore(const Arguments& arguments) {
   CARMAP_ASSIGN_OR_RETURN(const StoreRepair made, RepairStore(arguments.base));
-  fmt::print(
-      "restored      the store's metadata from what else it holds; the files as they were: {}\n",
-      made.damaged.string());
+  fmt::print("restored      the store from what can be read of it; its files as they were: {}\n",
+             made.damaged.string());
   if (made.lost_commits > 0) {
     PrintProblem(fmt::format(
         "{}: the newest {} lost; add their maps again", arguments.base,
         made.lost_commits == 1 ? "commit is" : fmt::format("{} commits are", made.lost_commits)));
   }
-  if (made.lost_journal_entries > 0) {
-    PrintProblem(fmt::format(
-        "{}: {} of the journal lost; what they told of stays in the tiles", arguments.base,
-        made.lost_journal_entries == 1 ? "1 entry is"
-                                       : fmt::format("{} entries are", made.lost_journal_entries)));
-  }
-  return BaseMap::Open(arguments.base, StoreAccess::kReadWrite);
+  return absl::OkStatus();
 }
 
-absl::StatusOr<ExitCode> Verify(const Arguments& arguments) {
-  CARMAP_ASSIGN_OR_RETURN(const auto base, OpenToVerify(arguments));
-  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base->reader().ListTiles());
-  Progress progress("verifying", tiles.size());
-  CARMAP_ASSIGN_OR_RETURN(
-      const Verification found,
-      carmap::Verify(*base, arguments.repair, [&](size_t done) { progress.Update(done); }));
+void PrintVerified(const Verification& found) {
   fmt::print(
       "verified      {}, {}, {}; {} and {} in the journal\n", Count(found.tiles, "tile"),
       Count(found.keyframes, "keyframe"), Count(found.landmarks, "landmark"),
@@ -319,20 +302,60 @@ absl::StatusOr<ExitCode> Verify(const Arguments& arguments) {
   if (found.repaired > 0) {
     fmt::print("repaired      {}, from its patches\n", Count(found.repaired, "tile"));
   }
+  if (found.histories_cut > 0) {
+    fmt::print("cut           the history of {}: what is older cannot be taken back or told\n",
+               Count(found.histories_cut, "tile"));
+  }
+  if (found.short_histories > 0) {
+    fmt::print("history       of {} begins later, as it was compacted or is lost\n",
+               Count(found.short_histories, "tile"));
+  }
+  if (found.discarded > 0) {
+    fmt::print("discarded     {}: map the road again\n", Count(found.discarded, "tile"));
+  }
   if (found.relisted_components + found.relisted_drives > 0) {
     fmt::print("listed again  {}, {}\n", Count(found.relisted_components, "component"),
                Count(found.relisted_drives, "drive"));
   }
-  for (const std::string& problem : found.problems) {
+  if (found.lost_journal_entries > 0) {
+    fmt::print("lost          {} of the journal: what they added stays, and cannot be taken back\n",
+               found.lost_journal_entries == 1
+                   ? "1 entry"
+                   : fmt::format("{} entries", found.lost_journal_entries));
+  }
+}
+
+absl::StatusOr<Verification> VerifyOnce(const Arguments& arguments) {
+  Mending mending = arguments.repair ? Mending::kRepair : Mending::kNone;
+  if (arguments.discard) mending = Mending::kDiscard;
+  const StoreAccess access =
+      mending == Mending::kNone ? StoreAccess::kReadOnly : StoreAccess::kReadWrite;
+  CARMAP_ASSIGN_OR_RETURN(const auto base, BaseMap::Open(arguments.base, access));
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base->reader().ListTiles());
+  Progress progress("verifying", tiles.size());
+  return carmap::Verify(*base, mending, [&](size_t done) { progress.Update(done); });
+}
+
+absl::StatusOr<ExitCode> Verify(const Arguments& arguments) {
+  const bool mends = arguments.repair || arguments.discard;
+  auto found = VerifyOnce(arguments);
+  if (mends && (absl::IsDataLoss(found.status()) || (found.ok() && !found->problems.empty()))) {
+    CARMAP_RETURN_IF_ERROR(RestoreStore(arguments));
+    found = VerifyOnce(arguments);
+  }
+  CARMAP_RETURN_IF_ERROR(found.status());
+  PrintVerified(*found);
+  for (const std::string& problem : found->problems) {
     PrintProblem(fmt::format("{}: {}", arguments.base, problem));
   }
-  if (found.problems.empty()) return kSuccess;
-  if (!arguments.repair) {
-    PrintProblem(
-        fmt::format("{}: damaged; `carmap base verify {} --repair` makes anew what its "
-                    "history still tells",
-                    arguments.base, arguments.base));
-  }
+  if (found->problems.empty()) return kSuccess;
+  PrintProblem(mends ? fmt::format("{}: these cannot be made anew; `carmap base verify {} "
+                                   "--discard` removes such tiles, so that their road can be "
+                                   "mapped again",
+                                   arguments.base, arguments.base)
+                     : fmt::format("{}: damaged; `carmap base verify {} --repair` makes anew what "
+                                   "its history still tells",
+                                   arguments.base, arguments.base));
   return kError;
 }
 
@@ -428,6 +451,7 @@ absl::StatusOr<ExitCode> Adjust(const Arguments& arguments) {
     std::erase_if(components, [&](const Component& c) { return c.id != *arguments.component; });
     if (components.empty()) return NoSuchComponent(arguments);
   }
+  if (components.empty()) fmt::print("{} is empty: nothing to adjust\n", arguments.base);
   nlohmann::ordered_json report = {{"adjusted", nlohmann::ordered_json::array()},
                                    {"refused", nlohmann::ordered_json::array()}};
   Progress progress("adjusting", components.size());
@@ -548,10 +572,12 @@ written)");
       AddAction(*base, "verify", "Check a base, tile by tile", Verify, arguments, chosen);
   verify->add_flag("--repair", arguments->repair,
                    "Make damaged tiles anew, where their history is whole");
+  verify->add_flag("--discard", arguments->discard,
+                   "The same, and remove tiles that cannot be made anew");
   verify->footer(
       R"(Reads every tile and every patch: a tile must be readable, consistent, and what its patches made it.
-With --repair a base that cannot be opened is restored from what can still be read, too; its files as they
-were stay beside it, in rocksdb.damaged.1, to be removed once all is well.
+With --repair a base of which more than tiles is damaged is restored from what can still be read, too; its
+files as they were stay beside it, in rocksdb.damaged.1, to be removed once all is well.
 
 Exit codes: 0 sound (or all repaired), 1 damaged, or an error, 2 wrong usage)");
 

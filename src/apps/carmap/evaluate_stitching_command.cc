@@ -110,6 +110,7 @@ class Evaluation {
 
   /// Errors: the truth is not of this segment.
   absl::Status Add(const Input& segment, const Trajectory& truth) {
+    if (segments_.empty()) PrintHead();
     const auto aligned = AlignMapToTruth(segment.lean, truth);
     if (!aligned.ok()) return WithName(segment.path, aligned.status());
     const MapAlignment& own = *aligned;
@@ -139,6 +140,7 @@ class Evaluation {
     return RenderStitching("stitching to " + NameOf(base_.path), names_, curves_);
   }
 
+ private:
   static void PrintHead() {
     fmt::print(
         "| segment | keyframes | by itself, RMSE | way | placed | mean error | largest | in the "
@@ -146,7 +148,6 @@ class Evaluation {
         "\n");
   }
 
- private:
   absl::StatusOr<Result> Stitch(const Way& way, const Input& segment,
                                 const Trajectory& truth) const {
     const auto placed = way.stitch(base_, segment);
@@ -230,13 +231,15 @@ absl::StatusOr<ExitCode> EvaluateStitching(const Arguments& arguments) {
       std::any_of(ways.begin(), ways.end(), [](const Way& way) { return way.needs_full_map; });
   CARMAP_ASSIGN_OR_RETURN(const Input base, ReadInput(arguments.base, needs_full_maps));
   CARMAP_ASSIGN_OR_RETURN(const EvaluatedMap evaluated,
-                          AlignToTruth(base.lean, arguments.base, arguments.base_truth));
+                          AlignToTruth(base.lean, arguments.base, arguments.base_truth,
+                                       /*is_part_of_base=*/true));
   Evaluation evaluation(base, evaluated, ways);
-  Evaluation::PrintHead();
   Progress progress("stitching", arguments.segments.size());
   for (size_t i = 0; i < arguments.segments.size(); ++i) {
     CARMAP_ASSIGN_OR_RETURN(const Input segment, ReadInput(arguments.segments[i], needs_full_maps));
     CARMAP_ASSIGN_OR_RETURN(const auto drive, OpenWithTruth(TruthFolder(arguments, i)));
+    CARMAP_RETURN_IF_ERROR(
+        CheckIsOfDrive(segment.lean, segment.path, *drive, TruthFolder(arguments, i)));
     CARMAP_RETURN_IF_ERROR(evaluation.Add(segment, drive->truth()));
     progress.Update(i + 1);
   }
@@ -273,7 +276,9 @@ void AddEvaluateStitching(CLI::App& evaluate, Command& chosen) {
                    "The drive of the segments, or of each in their order (default: the base's); of "
                    "the same world")
       ->type_name("DRIVE");
-  command->add_option("--ways", arguments->ways, "Which ways, with commas")
+  command
+      ->add_option("--ways", arguments->ways,
+                   "Which ways, with commas (default: all but quicksketch)")
       ->delimiter(',')
       ->check(CLI::IsMember(names))
       ->capture_default_str();

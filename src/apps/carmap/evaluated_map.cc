@@ -62,6 +62,12 @@ absl::StatusOr<EvaluatedMap> AlignToTruth(const LeanMap& map, const std::string&
   return EvaluatedMap{std::move(truth), *alignment};
 }
 
+absl::Status CheckIsOfDrive(const LeanMap& map, const std::string& path, const KittiDrive& drive,
+                            const std::string& folder) {
+  if (!IdsOf(drive, map, /*is_part_of_base=*/true).empty()) return absl::OkStatus();
+  return NotOfDrive(map, path, folder);
+}
+
 void AddErrors(const EvaluatedMap& evaluated, const Rigid3& map_from_camera,
                const Rigid3& true_world_from_camera, nlohmann::ordered_json& frame) {
   const PoseError error =

@@ -34,6 +34,11 @@ absl::StatusOr<EvaluatedMap> AlignToTruth(const LeanMap& map, const std::string&
                                           const std::string& truth_folder,
                                           bool is_part_of_base = false);
 
+/// FailedPrecondition unless the drive, or a range of it, is one of those that the map was made
+/// from.
+absl::Status CheckIsOfDrive(const LeanMap& map, const std::string& path, const KittiDrive& drive,
+                            const std::string& folder);
+
 /// Adds a frame's errors against the truth and against the map's own trajectory, in metres and
 /// degrees.
 void AddErrors(const EvaluatedMap& evaluated, const Rigid3& map_from_camera,

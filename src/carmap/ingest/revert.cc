@@ -52,6 +52,13 @@ absl::StatusOr<std::vector<LoggedChange>> FindContributions(const std::string& d
                     base.name(), drive, base.name()));
   }
   if (!found.empty()) return found;
+  if (std::any_of(log.begin(), log.end(),
+                  [](const LoggedChange& change) { return change.kind == "lost"; })) {
+    return absl::NotFoundError(
+        fmt::format("{}: no entry of the journal tells of a drive that begins with {}; some are "
+                    "lost, and what they added cannot be taken back",
+                    base.name(), drive));
+  }
   return absl::NotFoundError(
       fmt::format("{}: no drive of the base begins with {}; `carmap base log "
                   "{}` lists those that were added",

@@ -45,7 +45,7 @@ TEST_F(RevertTest, LeavesWhatWasThereBefore) {
   EXPECT_EQ(Hashes(), before);
   EXPECT_FALSE(Mentions({2, 5}));
   ExpectPatchesLeadToTiles();
-  EXPECT_THAT(Verify(*base_, false)->problems, IsEmpty());
+  EXPECT_THAT(Verify(*base_, Mending::kNone)->problems, IsEmpty());
   EXPECT_EQ(Log().back().kind, "revert");
 }
 
@@ -93,7 +93,7 @@ TEST_F(RevertTest, KeepsWhatOthersAddedLater) {
   EXPECT_TRUE(CheckConsistency(whole.map()).ok());
   EXPECT_GT(whole.map().landmarks.size(), landmarks / 2);
   ExpectPatchesLeadToTiles();
-  EXPECT_THAT(Verify(*base_, false)->problems, IsEmpty());
+  EXPECT_THAT(Verify(*base_, Mending::kNone)->problems, IsEmpty());
 }
 
 // What another drive added hangs on keyframes of the first, which stand for its own.

@@ -112,7 +112,7 @@ absl::StatusOr<std::vector<std::string>> UnlistedDrives(const std::vector<Logged
 }
 
 /// Compares the lists with what tiles and journal tell, and mends them.
-absl::Status CheckLists(const std::vector<LoggedChange>& log, bool repair, BaseMap& base,
+absl::Status CheckLists(const std::vector<LoggedChange>& log, Mending mending, BaseMap& base,
                         Verification& found) {
   CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> listed, base.Components());
   CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base.reader().ListTiles());
@@ -120,7 +120,7 @@ absl::Status CheckLists(const std::vector<LoggedChange>& log, bool repair, BaseM
   CARMAP_ASSIGN_OR_RETURN(const std::vector<std::string> drives,
                           UnlistedDrives(log, base.reader()));
   if (components.empty() && drives.empty()) return absl::OkStatus();
-  if (!repair) {
+  if (mending == Mending::kNone) {
     for (const Component& component : components) {
       found.problems.push_back(fmt::format("component {}: is not listed", component.id));
     }
@@ -150,50 +150,130 @@ void Count(const LeanMap& tile, Verification& found) {
                     [](const LeanKeyframe& keyframe) { return !keyframe.is_stub; }));
 }
 
+/// Nothing of it can be made anew: the tile becomes empty, which whoever has it must fetch.
+absl::Status Discard(const TileVersion& version, BaseMap& base) {
+  Patch patch{
+      .tile = version.tile, .from_version = version.version, .to_version = version.version + 1};
+  patch.hash = HashOf({});
+  TileChange change{.tile = version.tile, .from_version = version.version};
+  CARMAP_ASSIGN_OR_RETURN(change.patch, EncodePatch(patch));
+  change.inverse = change.patch;
+  Commit commit;
+  commit.tiles = {std::move(change)};
+  commit.journal_text = ToJournal({.kind = "discard",
+                                   .time = TimeText(),
+                                   .name = "carmap base verify --discard",
+                                   .component = version.tile.component,
+                                   .tiles = {{version.tile, version.version + 1, true}}});
+  CARMAP_RETURN_IF_ERROR(base.Apply(commit).status());
+  return base.store().DropPatchesOf(version.tile);
+}
+
+/// Components of which no tile is left.
+absl::Status EndEmptyComponents(BaseMap& base) {
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> listed, base.Components());
+  CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base.reader().ListTiles());
+  Commit commit;
+  for (const Component& component : listed) {
+    const bool has_tiles = std::any_of(tiles.begin(), tiles.end(), [&](const TileVersion& tile) {
+      return tile.tile.component == component.id && !tile.is_removed;
+    });
+    if (!has_tiles) commit.components.emplace_back(component.id, "");
+  }
+  if (commit.components.empty()) return absl::OkStatus();
+  commit.journal_text =
+      ToJournal({.kind = "repair", .time = TimeText(), .name = "carmap base verify --repair"});
+  return base.Apply(commit).status();
+}
+
+/// Looks at tiles one by one, and mends them.
+class TileVerifier {
+ public:
+  TileVerifier(BaseMap& base, Mending mending, std::set<uint32_t> components, Verification& found)
+      : base_(base), mending_(mending), components_(std::move(components)), found_(found) {}
+
+  absl::Status Verify(const TileVersion& version) {
+    const auto replayed = Replayed(version, base_, found_.patches);
+    const bool is_history_short = absl::IsOutOfRange(replayed.status());
+    const bool is_history_lost = !replayed.ok() && !is_history_short;
+    found_.short_histories += is_history_short && !version.is_removed;
+    if (!version.is_removed) {
+      ++found_.tiles;
+      const auto tile = base_.Read(version.tile);
+      absl::Status status = tile.status();
+      if (status.ok() && !*tile) status = absl::DataLossError("is not there");
+      if (status.ok()) status = CheckTile(**tile, components_);
+      if (status.ok() && replayed.ok() && HashOf((*tile)->map) != HashOf(replayed->map)) {
+        status = absl::DataLossError("is not what its patches made it");
+      }
+      if (!status.ok()) return MendTile(version, status, replayed);
+      Count((*tile)->map, found_);
+    }
+    return is_history_lost ? MendHistory(version, replayed.status()) : absl::OkStatus();
+  }
+
+ private:
+  void AddProblem(const TileVersion& version, const char* what, const absl::Status& status) {
+    found_.problems.push_back(fmt::format("tile {}/{:016x}: {}{}", version.tile.component,
+                                          version.tile.cell, what, std::string(status.message())));
+  }
+
+  absl::Status MendTile(const TileVersion& version, const absl::Status& status,
+                        const absl::StatusOr<Tile>& replayed) {
+    if (mending_ != Mending::kNone && replayed.ok()) {
+      ++found_.repaired;
+      Count(replayed->map, found_);
+      return Repair(*replayed, base_);
+    }
+    if (mending_ == Mending::kDiscard) {
+      ++found_.discarded;
+      return Discard(version, base_);
+    }
+    AddProblem(version, "", status);
+    return absl::OkStatus();
+  }
+
+  absl::Status MendHistory(const TileVersion& version, const absl::Status& status) {
+    if (mending_ != Mending::kNone) {
+      ++found_.histories_cut;
+      return base_.store().DropPatchesOf(version.tile);
+    }
+    AddProblem(version, "history: ", status);
+    return absl::OkStatus();
+  }
+
+  BaseMap& base_;
+  const Mending mending_;
+  const std::set<uint32_t> components_;
+  Verification& found_;
+};
+
 }  // namespace
 
 absl::StatusOr<StoreRepair> RepairStore(const std::filesystem::path& folder) {
   return RepairRocksStore(folder, BaseMap::NewHeader(), ToJournal({.kind = "lost"}));
 }
 
-absl::StatusOr<Verification> Verify(BaseMap& base, bool repair, const VerifyProgress& progress) {
+absl::StatusOr<Verification> Verify(BaseMap& base, Mending mending,
+                                    const VerifyProgress& progress) {
   Verification found;
   CARMAP_ASSIGN_OR_RETURN(const std::vector<LoggedChange> log, ReadLog(base.reader()));
   found.journal_entries = log.size();
-  CARMAP_RETURN_IF_ERROR(CheckLists(log, repair, base, found));
+  found.lost_journal_entries = static_cast<size_t>(std::count_if(
+      log.begin(), log.end(), [](const LoggedChange& change) { return change.kind == "lost"; }));
+  CARMAP_RETURN_IF_ERROR(CheckLists(log, mending, base, found));
   CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> listed, base.Components());
   std::set<uint32_t> components;
   for (const Component& component : listed) components.insert(component.id);
   CARMAP_ASSIGN_OR_RETURN(const std::vector<TileVersion> tiles, base.reader().ListTiles());
+  TileVerifier verifier(base, mending, std::move(components), found);
   for (const TileVersion& version : tiles) {
-    const std::string name =
-        fmt::format("tile {}/{:016x}", version.tile.component, version.tile.cell);
-    const auto replayed = Replayed(version, base, found.patches);
-    const bool is_whole = replayed.ok() || absl::IsOutOfRange(replayed.status());
-    if (!is_whole) {
-      found.problems.push_back(
-          fmt::format("{}: history: {}", name, std::string(replayed.status().message())));
-    }
-    if (!version.is_removed) {
-      ++found.tiles;
-      const auto tile = base.Read(version.tile);
-      absl::Status status = tile.status();
-      if (status.ok() && !*tile) status = absl::DataLossError("is not there");
-      if (status.ok()) status = CheckTile(**tile, components);
-      if (status.ok() && replayed.ok() && HashOf((*tile)->map) != HashOf(replayed->map)) {
-        status = absl::DataLossError("is not what its patches made it");
-      }
-      if (status.ok()) {
-        Count((*tile)->map, found);
-      } else if (repair && replayed.ok()) {
-        CARMAP_RETURN_IF_ERROR(Repair(*replayed, base));
-        ++found.repaired;
-        Count(replayed->map, found);
-      } else {
-        found.problems.push_back(fmt::format("{}: {}", name, std::string(status.message())));
-      }
-    }
+    CARMAP_RETURN_IF_ERROR(verifier.Verify(version));
     if (progress) progress(static_cast<size_t>(&version - tiles.data()) + 1);
+  }
+  if (mending != Mending::kNone) CARMAP_RETURN_IF_ERROR(EndEmptyComponents(base));
+  if (const absl::Status files = base.store().VerifyFiles(); !files.ok()) {
+    found.problems.emplace_back(files.message());
   }
   return found;
 }

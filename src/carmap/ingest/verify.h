@@ -13,14 +13,18 @@
 
 namespace carmap {
 
-/// What a repair of the store brought back of a base that cannot be opened (RepairRocksStore). Then
-/// Verify is to be called. Errors: those of RepairRocksStore.
+/// Restores a base of which more than tiles is damaged (RepairRocksStore). Then Verify is to be
+/// called. Errors: those of RepairRocksStore.
 absl::StatusOr<StoreRepair> RepairStore(const std::filesystem::path& folder);
 
 struct Verification {
   size_t tiles = 0, keyframes = 0, landmarks = 0, patches = 0, journal_entries = 0;
   std::vector<std::string> problems;  ///< a line each
   size_t repaired = 0;                ///< tiles made anew from their patches
+  size_t histories_cut = 0;           ///< tiles whose patches were forgotten
+  size_t short_histories = 0;         ///< tiles whose first patches are not kept
+  size_t discarded = 0;               ///< tiles that were removed
+  size_t lost_journal_entries = 0;    ///< of the entries
   size_t relisted_components = 0;     ///< of which tiles told
   size_t relisted_drives = 0;         ///< contributions of which the journal told
 };
@@ -28,10 +32,17 @@ struct Verification {
 /// Called after each tile with how many were looked at.
 using VerifyProgress = std::function<void(size_t done)>;
 
-/// With `repair`, tiles that are damaged are made anew from their patches where these are whole,
-/// and components and contributions that are not listed any more are listed. Errors: those of the
-/// store that are not about a tile.
-absl::StatusOr<Verification> Verify(BaseMap& base, bool repair,
+enum class Mending {
+  kNone,
+  /// Tiles that are damaged are made anew from their patches where these are whole, patches that
+  /// lead nowhere are forgotten, and components and contributions that are not listed any more are
+  /// listed.
+  kRepair,
+  kDiscard  ///< also what cannot be made anew is removed, so that its road can be mapped again
+};
+
+/// Errors: those of the store that are not about a tile.
+absl::StatusOr<Verification> Verify(BaseMap& base, Mending mending,
                                     const VerifyProgress& progress = {});
 
 }  // namespace carmap

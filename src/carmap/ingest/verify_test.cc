@@ -34,7 +34,7 @@ class VerifyTest : public BaseTest {
 };
 
 TEST_F(VerifyTest, CountsWhatASoundBaseHolds) {
-  const auto found = Verify(*base_, false);
+  const auto found = Verify(*base_, Mending::kNone);
   ASSERT_TRUE(found.ok()) << found.status();
   EXPECT_THAT(found->problems, IsEmpty());
   EXPECT_EQ(found->tiles, Tiles(1).size());
@@ -47,7 +47,7 @@ TEST_F(VerifyTest, CountsWhatASoundBaseHolds) {
 TEST_F(VerifyTest, NamesTheTileThatIsDamaged) {
   const TileId id = Tiles(1).front();
   Spoil(id, "not a tile");
-  const auto found = Verify(*base_, false);
+  const auto found = Verify(*base_, Mending::kNone);
   ASSERT_TRUE(found.ok()) << found.status();
   EXPECT_GE(found->problems.size(), 1u);
   EXPECT_THAT(found->problems.back(), HasSubstr("tile 1/"));
@@ -61,12 +61,12 @@ TEST_F(VerifyTest, ListsAgainWhatTilesAndJournalTell) {
   commit.withdrawn = {KeyOf(DriveId{2, 5})};
   commit.journal_text = ToJournal(LoggedChange{.kind = "spoil"});
   ASSERT_TRUE(base_->Apply(commit).ok());
-  const auto found = Verify(*base_, false);
+  const auto found = Verify(*base_, Mending::kNone);
   ASSERT_TRUE(found.ok()) << found.status();
   EXPECT_THAT(found->problems,
               ::testing::IsSupersetOf({HasSubstr("component 1: is not listed"),
                                        HasSubstr(ToHex(DriveId{2, 5}) + ": is not listed")}));
-  const auto repaired = Verify(*base_, true);
+  const auto repaired = Verify(*base_, Mending::kRepair);
   ASSERT_TRUE(repaired.ok()) << repaired.status();
   EXPECT_THAT(repaired->problems, IsEmpty());
   EXPECT_EQ(repaired->relisted_components, 1u);
@@ -88,13 +88,13 @@ TEST_F(VerifyTest, RepairsATileFromItsPatches) {
                    EncodePatch(MakePatch(next, tile)).value(), ""}};
   commit.journal_text = ToJournal(LoggedChange{.kind = "spoil"});
   ASSERT_TRUE(base_->Apply(commit).ok());
-  EXPECT_FALSE(Verify(*base_, false)->problems.empty());
-  const auto repaired = Verify(*base_, true);
+  EXPECT_FALSE(Verify(*base_, Mending::kNone)->problems.empty());
+  const auto repaired = Verify(*base_, Mending::kRepair);
   ASSERT_TRUE(repaired.ok()) << repaired.status();
   EXPECT_EQ(repaired->repaired, 1u);
   EXPECT_EQ(repaired->landmarks, Whole(1).map().landmarks.size());
   EXPECT_EQ(HashOf((*base_->Read(id))->map), hash);
-  EXPECT_THAT(Verify(*base_, false)->problems, IsEmpty());
+  EXPECT_THAT(Verify(*base_, Mending::kNone)->problems, IsEmpty());
 }
 
 }  // namespace

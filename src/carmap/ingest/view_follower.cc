@@ -1,6 +1,7 @@
 #include "carmap/ingest/view_follower.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 #include "carmap/base/status_macros.h"
@@ -63,14 +64,19 @@ absl::StatusOr<ViewFollower::Change> ViewFollower::LookAround(
 
 absl::StatusOr<std::vector<CandidateTiles>> ViewFollower::Candidates(
     const std::optional<GpsFix>& gps, const std::vector<Feature>& features) const {
+  std::vector<CandidateTiles> candidates;
   if (gps) {
     LeanMap here;
     here.keyframes.emplace_back().gps = gps;
-    CARMAP_ASSIGN_OR_RETURN(auto by_gps, CandidatesByGps(here, base_, options_.needed_m));
-    if (!by_gps.empty()) return by_gps;
+    CARMAP_ASSIGN_OR_RETURN(candidates, CandidatesByGps(here, base_, options_.needed_m));
+    // The fix may be wrong, and a component may lie nowhere on the Earth.
+    if (next_candidate_ < candidates.size()) return candidates;
   }
-  return CandidatesByWords({WordsOf(*vocabulary_, features)}, base_, *vocabulary_,
-                           options_.max_word_tiles, /*on_earth_too=*/true);
+  CARMAP_ASSIGN_OR_RETURN(auto by_words,
+                          CandidatesByWords({WordsOf(*vocabulary_, features)}, base_, *vocabulary_,
+                                            options_.max_word_tiles, /*on_earth_too=*/true));
+  std::move(by_words.begin(), by_words.end(), std::back_inserter(candidates));
+  return candidates;
 }
 
 absl::Status ViewFollower::Load(const Component& component, uint64_t frame_cell,

@@ -120,6 +120,11 @@ class MapStore : public MapReader {
 
   /// Forgets the patches of all tiles that are older than the newest `kept` of each.
   virtual absl::Status DropPatches(size_t kept) = 0;
+  /// Forgets all patches of one tile.
+  virtual absl::Status DropPatchesOf(TileId tile) = 0;
+
+  /// Whether all files are there and as they were written; reads them all. Errors: DataLoss.
+  virtual absl::Status VerifyFiles() const = 0;
 };
 
 /// A store that ends with the process.

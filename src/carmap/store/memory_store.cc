@@ -175,6 +175,17 @@ class MemoryStore final : public SnapshotReads {
     return absl::OkStatus();
   }
 
+  absl::Status DropPatchesOf(TileId tile) override {
+    const std::lock_guard lock(mutex_);
+    State& state = OwnState();
+    if (const auto found = state.tiles.find(tile); found != state.tiles.end()) {
+      found->second.patches.clear();
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status VerifyFiles() const override { return absl::OkStatus(); }
+
  private:
   StoreContents Contents() const {
     return {std::string(kName),

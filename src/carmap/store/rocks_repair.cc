@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
+#include <string>
 #include <system_error>
+#include <vector>
 
 #include "carmap/base/status_macros.h"
 #include "carmap/store/map_store.h"
@@ -35,6 +38,72 @@ void VisitReadable(const RocksDatabase& database, Family family, Visitor&& visit
 TileId TileOfKey(std::string_view key) {
   return {ReadBigEndian<uint32_t>(key), ReadBigEndian<uint64_t>(key.substr(4))};
 }
+
+/// A table with damage goes as a whole; what of it can still be read one by one is brought over
+/// from the damaged store, if that can be opened.
+class Salvage {
+ public:
+  Salvage(const RocksDatabase& damaged, RocksDatabase& repaired)
+      : damaged_(damaged), repaired_(repaired) {}
+
+  absl::Status Run(const fs::path& folder) {
+    const std::string sequence = Get(damaged_, Family::kMeta, kSequenceKey).value_or("");
+    for (uint64_t i = 1; i <= ReadBigEndian<uint64_t>(sequence); ++i) {
+      Bring(Family::kJournal, SequenceKey(i));
+    }
+    std::vector<TileVersion> tiles;
+    VisitReadable(damaged_, Family::kMeta, [&](std::string_view key, std::string_view value) {
+      if (key.size() != kVersionKeySize || key.front() != kVersionPrefix) return;
+      if (const auto version = DecodeVersion(TileOfVersionKey(key), value)) {
+        tiles.push_back(*version);
+      }
+    });
+    for (const TileVersion& tile : tiles) {
+      Bring(Family::kMeta, VersionKey(tile.tile));
+      Bring(Family::kTiles, TileKey(tile.tile));
+      Bring(Family::kWords, TileKey(tile.tile));
+      for (uint64_t i = 1; i <= tile.version; ++i) Bring(Family::kPatches, PatchKey(tile.tile, i));
+      if (batch_.GetDataSize() > kChunk) CARMAP_RETURN_IF_ERROR(Write(folder));
+    }
+    return Write(folder);
+  }
+
+ private:
+  static constexpr size_t kChunk = 8 << 20;
+
+  static std::optional<std::string> Get(const RocksDatabase& database, Family family,
+                                        std::string_view key) {
+    rocksdb::ReadOptions options;
+    options.verify_checksums = true;
+    std::string value;
+    if (!database.db().Get(options, database.family(family), SliceOf(key), &value).ok()) return {};
+    return value;
+  }
+
+  void Bring(Family family, std::string_view key) {
+    const auto value = Get(damaged_, family, key);
+    const auto present = Get(repaired_, family, key);
+    if (!value || (present && !IsNewer(family, *value, *present))) return;
+    batch_.Put(repaired_.family(family), SliceOf(key), *value);
+  }
+
+  /// Where the table with the newest value is gone, an older one shows. Patches and the journal
+  /// never change.
+  static bool IsNewer(Family family, std::string_view value, std::string_view than) {
+    if (family == Family::kJournal || family == Family::kPatches) return false;
+    return ByteReader(value).Uint<uint64_t>() > ByteReader(than).Uint<uint64_t>();
+  }
+
+  absl::Status Write(const fs::path& folder) {
+    CARMAP_RETURN_IF_ERROR(Translate(repaired_.Write(batch_), folder, "what was saved"));
+    batch_.Clear();
+    return absl::OkStatus();
+  }
+
+  const RocksDatabase& damaged_;
+  RocksDatabase& repaired_;
+  rocksdb::WriteBatch batch_;
+};
 
 /// What the families tell of each other.
 class MetaRebuilder {
@@ -153,11 +222,23 @@ absl::StatusOr<StoreRepair> RepairRocksStore(const fs::path& folder, std::string
   const std::optional<uint64_t> acknowledged = AcknowledgedRecord::Read(DatabaseIn(folder));
   const fs::path repaired = folder / "rocksdb.repaired";
   CARMAP_RETURN_IF_ERROR(CopyDatabase(DatabaseIn(folder), repaired, folder));
-  CARMAP_RETURN_IF_ERROR(RocksDatabase::Repair(repaired));
   StoreRepair made;
   {
-    CARMAP_ASSIGN_OR_RETURN(const auto database,
-                            RocksDatabase::Open(repaired, DatabaseAccess::kWriteDamaged));
+    CARMAP_RETURN_IF_ERROR(RocksDatabase::Repair(repaired));
+    const auto opened = RocksDatabase::Open(repaired, DatabaseAccess::kWriteDamaged);
+    if (!opened.ok()) {
+      std::error_code error;
+      fs::remove_all(repaired, error);
+      return absl::DataLossError(fmt::format(
+          "{}: nothing is left that could be restored; take a copy of the base, or make a new one "
+          "with `carmap base init`",
+          folder.string()));
+    }
+    RocksDatabase* const database = opened->get();
+    if (const auto damaged = RocksDatabase::Open(DatabaseIn(folder), DatabaseAccess::kReadDamaged);
+        damaged.ok()) {
+      CARMAP_RETURN_IF_ERROR(Salvage(**damaged, *database).Run(folder));
+    }
     MetaRebuilder rebuilder(*database);
     CARMAP_ASSIGN_OR_RETURN(made, rebuilder.Run(folder, header, lost_journal_text));
     const uint64_t sequence = rebuilder.sequence();

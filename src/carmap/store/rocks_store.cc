@@ -119,6 +119,23 @@ class RocksStore final : public SnapshotReads {
                      folder_, "the patches");
   }
 
+  absl::Status DropPatchesOf(TileId tile) override {
+    const std::lock_guard lock(mutex_);
+    CARMAP_RETURN_IF_ERROR(PrepareToWrite());
+    rocksdb::WriteBatch batch;
+    batch.DeleteRange(family(Family::kPatches), PatchKey(tile, 0), PatchKey(tile, UINT64_MAX));
+    return Translate(database_->Write(batch), folder_, "the patches");
+  }
+
+  absl::Status VerifyFiles() const override {
+    std::shared_ptr<RocksDatabase> database;
+    {
+      const std::lock_guard lock(database_mutex_);
+      database = database_;
+    }
+    return Translate(database->db().VerifyChecksum(), folder_, "a table");
+  }
+
  private:
   rocksdb::ColumnFamilyHandle* family(Family family) const { return database_->family(family); }
 

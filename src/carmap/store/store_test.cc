@@ -314,6 +314,19 @@ TEST_P(StoreTest, PutsAndRemovesComponentsAndContributions) {
   EXPECT_EQ(*store().ReadContribution("a"), "new");
 }
 
+TEST_P(StoreTest, ForgetsThePatchesOfOneTile) {
+  Commit(CommitOf({Change(kTile, 0, "a"), Change(kOther, 0, "b")}));
+  Commit(Put(kTile, 1, "c"));
+  ASSERT_TRUE(store().DropPatchesOf(kTile).ok());
+  EXPECT_EQ(store().ReadPatches(kTile, 0).status().code(), absl::StatusCode::kOutOfRange);
+  EXPECT_EQ(store().ReadPatches(kTile, 1).status().code(), absl::StatusCode::kOutOfRange);
+  EXPECT_EQ(store().ReadPatches(kOther, 0)->size(), 1u);
+  EXPECT_EQ(BytesOf(store(), kTile), "c");
+  Commit(Put(kTile, 2, "d"));
+  EXPECT_EQ(PatchVersions(*store().ReadPatches(kTile, 2)), std::vector<uint64_t>{3});
+  EXPECT_TRUE(store().VerifyFiles().ok());
+}
+
 TEST_P(StoreTest, VisitsContributionsByTheBeginningOfTheirKeys) {
   carmap::Commit commit;
   commit.contributions = {{"b/2", "2"}, {"b/1", "1"}, {"b", "no"}, {"b0", "no"}, {"c/1", "no"}};
@@ -898,6 +911,20 @@ TEST_F(RocksStoreTest, IsRepairedWhenAllIsInTheLog) {
   ASSERT_TRUE(made.ok()) << made.status();
   EXPECT_EQ(made->lost_commits + made->lost_journal_entries, 0u);
   EXPECT_EQ(BytesOf(*Open(), kTile), "first");
+}
+
+TEST_F(DamagedStoreTest, RepairLeavesOutNoMoreThanWhatIsDamaged) {
+  fs::rename(scratch_ / "whole", folder());
+  Open();  // to move all that is in the log to tables
+  const std::vector<TileVersion> tiles = *truth_->ListTiles();
+  const auto damaged = std::find_if(tiles.begin(), tiles.end(),
+                                    [](const TileVersion& tile) { return !tile.is_removed; });
+  DamageTableOf(folder(), BytesOf(*truth_, damaged->tile));
+  EXPECT_EQ(Open()->VerifyFiles().code(), absl::StatusCode::kDataLoss);
+  ASSERT_TRUE(RepairRocksStore(folder(), "", "lost").ok());
+  const auto store = Open();
+  EXPECT_TRUE(store->VerifyFiles().ok());
+  EXPECT_EQ(Compare(*store, *truth_, HistoryKeys(kCommits)).tiles, 1);
 }
 
 TEST_F(DamagedStoreTest, LosesNothingWithItsListOfTables) {
