@@ -17,14 +17,13 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-carmap=build/release/bin/carmap
-drives="${CARMAP_DRIVES:-build/drives}"
+# shellcheck source-path=SCRIPTDIR source=drives.sh
+source scripts/drives.sh
 out=build/evaluate_localization
 table=build/evaluate_localization.md
 seeds="${SEEDS:-31 32 33}"
 sizes="${SIZES:-1241x376 620x188}"
 scenes="${SCENES:-suburb downtown freeway}"
-frames=100
 
 # SCENE MAP_TRAFFIC LANE TRAFFIC LIGHT, of each size and seed.
 named_cells="suburb none 0 none sunny
@@ -41,32 +40,6 @@ freeway none 2 dense overcast
 freeway none 1 dense low-sun
 freeway dense 2 dense overcast
 freeway dense 1 dense low-sun"
-
-# Whether the simulator wrote all of the drive's images. It would see so too, but builds the world
-# first.
-is_complete() { # DRIVE
-  local images=("$1"/image_[01]/*.png)
-  ((${#images[@]} == 2 * frames))
-}
-
-# Prints the drive's folder. A map's drive is another day: other parked cars, another sun.
-simulate() { # SCENE SEED SIZE LANE TRAFFIC LIGHT [map]
-  local name="$1-s$2-$3-lane$4-$5-$6${7:+-map}" day=2
-  [[ -z "${7:-}" ]] || day=1
-  if ! is_complete "$drives/$name"; then
-    "$carmap" simulate --out "$drives/$name" --scene "$1" --seed "$2" --size "$3" --lane="$4" \
-      --traffic "$5" --light "$6" --traffic-seed "$day" --light-seed "$day" --speed 11 \
-      --frames "$frames" --gps urban >&2
-  fi
-  echo "$drives/$name"
-}
-
-# Whether some frames were lost is what the report tells.
-tolerate_lost_frames() { # COMMAND...
-  local status=0
-  "$@" >&2 || status=$?
-  ((status == 0 || status == 3)) || return "$status"
-}
 
 # Prints the map's path without its ending.
 make_map() { # DRIVE
@@ -129,7 +102,7 @@ evaluate_matching() { # SEED SIZE
 }
 
 [[ -n "${RESUME:-}" ]] || rm -rf "$out"
-mkdir -p "$drives" "$out/maps" "$out/reports"
+mkdir -p "$out/maps" "$out/reports"
 if [[ -n "${CELLS:-}" ]]; then
   for size in $sizes; do
     while read -r scene rest; do echo "$scene $size $rest"; done <<<"$CELLS"

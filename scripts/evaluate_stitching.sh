@@ -17,44 +17,28 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
-carmap=build/release/bin/carmap
-drives="${CARMAP_DRIVES:-build/drives}"
+# shellcheck source-path=SCRIPTDIR source=drives.sh
+source scripts/drives.sh
 poses="${CARMAP_DATA:-../shared/data}/kitti_poses/poses"
 out=build/evaluate_stitching
 table=build/evaluate_stitching.md
 seed="${SEED:-31}"
 size="${SIZE:-620x188}"
 overlap="${OVERLAP:-20}"
-frames=100 base_frames=60
+base_frames=60
 (($# > 0)) || set -- lanes traffic overlap size
-mkdir -p "$drives"
 rm -rf "$out"
 mkdir -p "$out"
 : >"$table"
 
-# Whether the simulator wrote all of the drive's images.
-is_complete() { # DRIVE
-  local images=("$1"/image_[01]/*.png)
-  ((${#images[@]} == 2 * frames))
+# Of the seed and size chosen.
+drive_of() { # SCENE LANE TRAFFIC LIGHT [map]
+  simulate "$1" "$seed" "$size" "${@:2}"
 }
 
-# Prints the drive's folder. A base's drive is another day: other parked cars, another sun.
-simulate() { # SCENE LANE TRAFFIC LIGHT [map]
-  local name="$1-s$seed-$size-lane$2-$3-$4${5:+-map}" day=2
-  [[ -z "${5:-}" ]] || day=1
-  if ! is_complete "$drives/$name"; then
-    "$carmap" simulate --out "$drives/$name" --scene "$1" --seed "$seed" --size "$size" \
-      --lane="$2" --traffic "$3" --light "$4" --traffic-seed "$day" --light-seed "$day" \
-      --speed 11 --frames "$frames" --gps urban >&2
-  fi
-  echo "$drives/$name"
-}
-
-# With the full map beside it. That some frames were lost is no reason to stop.
+# With the full map beside it.
 make_map() { # DRIVE NAME [OPTION...]
-  local status=0
-  "$carmap" map "$1" --out "$out/$2.cmap" --full-map "$out/$2.cfull" "${@:3}" >&2 || status=$?
-  ((status == 0 || status == 3)) || return "$status"
+  tolerate_lost_frames "$carmap" map "$1" --out "$out/$2.cmap" --full-map "$out/$2.cfull" "${@:3}"
 }
 
 evaluate() { # NAME TITLE BASE BASE_TRUTH WAYS SEGMENT... -- TRUTH...
@@ -78,16 +62,16 @@ evaluate() { # NAME TITLE BASE BASE_TRUTH WAYS SEGMENT... -- TRUTH...
 lanes() {
   local lane other base segments truths
   for lane in -1 0 1 2; do
-    make_map "$(simulate freeway "$lane" none overcast)" "lane$lane" \
+    make_map "$(drive_of freeway "$lane" none overcast)" "lane$lane" \
       --first $((base_frames - overlap))
   done
   for lane in -1 0 1 2; do
-    base="$(simulate freeway "$lane" none sunny map)"
+    base="$(drive_of freeway "$lane" none sunny map)"
     make_map "$base" "base$lane" --last $((base_frames - 1))
     segments=() truths=()
     for other in -1 0 1 2; do
       segments+=("lane$other")
-      truths+=("$(simulate freeway "$other" none overcast)")
+      truths+=("$(drive_of freeway "$other" none overcast)")
     done
     evaluate "lanes$lane" "Figure 22: a base of freeway lane $lane in sunshine, segments of each lane under clouds; $size, seed $seed" \
       "base$lane" "$base" carmap,quicksketch "${segments[@]}" -- "${truths[@]}"
@@ -98,16 +82,16 @@ traffic() {
   local scene of base segments truths to
   for scene in suburb downtown; do
     for of in none dense; do
-      make_map "$(simulate "$scene" 0 "$of" overcast)" "$scene-$of" \
+      make_map "$(drive_of "$scene" 0 "$of" overcast)" "$scene-$of" \
         --first $((base_frames - overlap))
     done
     for of in none dense; do
-      base="$(simulate "$scene" 0 "$of" sunny map)"
+      base="$(drive_of "$scene" 0 "$of" sunny map)"
       make_map "$base" "base-$scene-$of" --last $((base_frames - 1))
       segments=() truths=()
       for to in none dense; do
         segments+=("$scene-$to")
-        truths+=("$(simulate "$scene" 0 "$to" overcast)")
+        truths+=("$(drive_of "$scene" 0 "$to" overcast)")
       done
       evaluate "$scene-$of" "Figure 16: a base of $scene, traffic $of, in sunshine, segments under clouds; $size, seed $seed" \
         "base-$scene-$of" "$base" carmap,appearance,quicksketch "${segments[@]}" -- "${truths[@]}"
@@ -117,7 +101,7 @@ traffic() {
 
 overlap() {
   local drive count first both segments=()
-  drive="${REAL:-$(simulate suburb 0 none sunny map)}"
+  drive="${REAL:-$(drive_of suburb 0 none sunny map)}"
   count="$(wc -l <"$drive/times.txt")"
   make_map "$drive" split --last $((count / 2 - 1))
   for both in 1 2 3 5 10 20 40; do

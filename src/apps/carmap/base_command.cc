@@ -293,12 +293,15 @@ absl::Status RestoreStore(const Arguments& arguments) {
   return absl::OkStatus();
 }
 
+std::string Entries(size_t count) {
+  return count == 1 ? "1 entry" : fmt::format("{} entries", count);
+}
+
 void PrintVerified(const Verification& found) {
-  fmt::print(
-      "verified      {}, {}, {}; {} and {} in the journal\n", Count(found.tiles, "tile"),
-      Count(found.keyframes, "keyframe"), Count(found.landmarks, "landmark"),
-      found.patches == 1 ? "1 patch" : fmt::format("{} patches", found.patches),
-      found.journal_entries == 1 ? "1 entry" : fmt::format("{} entries", found.journal_entries));
+  fmt::print("verified      {}, {}, {}; {} and {} in the journal\n", Count(found.tiles, "tile"),
+             Count(found.keyframes, "keyframe"), Count(found.landmarks, "landmark"),
+             found.patches == 1 ? "1 patch" : fmt::format("{} patches", found.patches),
+             Entries(found.journal_entries));
   if (found.repaired > 0) {
     fmt::print("repaired      {}, from its patches\n", Count(found.repaired, "tile"));
   }
@@ -319,9 +322,7 @@ void PrintVerified(const Verification& found) {
   }
   if (found.lost_journal_entries > 0) {
     fmt::print("lost          {} of the journal: what they added stays, and cannot be taken back\n",
-               found.lost_journal_entries == 1
-                   ? "1 entry"
-                   : fmt::format("{} entries", found.lost_journal_entries));
+               Entries(found.lost_journal_entries));
   }
 }
 

@@ -13,6 +13,7 @@
 #include "carmap/base/stopwatch.h"
 #include "carmap/eval/localization_error.h"
 #include "carmap/feature/default_vocabulary.h"
+#include "carmap/index/keyframe_tree.h"
 #include "carmap/index/reconstruct.h"
 #include "carmap/localize/appearance_localizer.h"
 
@@ -167,17 +168,13 @@ absl::StatusOr<PlacedSegment> StitchTrace(const FullMap& base, const FullMap& tr
 std::optional<StitchingScore> ScoreStitching(const LeanMap& placed, const Trajectory& truth,
                                              const LeanMap& base, const MapTruth& base_truth,
                                              const Rigid3& world_from_base) {
-  std::vector<Eigen::Vector3d> base_centers;
-  for (const LeanKeyframe& keyframe : base.keyframes) {
-    base_centers.push_back(keyframe.map_from_camera.translation);
-  }
-  const KdTree of_base(base_centers);
+  const KdTree of_base = TreeOfKeyframes(base);
   StitchingScore score;
   std::vector<double> errors_m, map_errors_m;
   for (const auto& [base_from_camera, world_from_camera] : FindTrueKeyframes(placed, truth)) {
     const Rigid3 true_in_base = base_truth.InMap(world_from_camera);
     const uint32_t nearest = of_base.Nearest(true_in_base.translation, 1).front();
-    const double from_base_m = (base_centers[nearest] - true_in_base.translation).norm();
+    const double from_base_m = (of_base.points()[nearest] - true_in_base.translation).norm();
     const double allowed_m =
         kMaxNearErrorM + kMaxErrorPerM * std::max(0.0, from_base_m - kNearBaseM);
     errors_m.push_back(ErrorOf(world_from_base * base_from_camera, world_from_camera).position_m);

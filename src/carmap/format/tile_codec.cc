@@ -9,12 +9,11 @@
 
 #include "carmap/base/byte_io.h"
 #include "carmap/base/status_macros.h"
+#include "carmap/format/id_bytes.h"
 #include "carmap/format/lean_sections.h"
 
 namespace carmap {
 namespace {
-
-constexpr size_t kIdBytes = 2 * sizeof(uint64_t) + sizeof(uint32_t);
 
 void AppendTileId(const TileId& tile, std::string& out) {
   AppendUint(tile.component, out);
@@ -24,21 +23,6 @@ void AppendTileId(const TileId& tile, std::string& out) {
 TileId ReadTileId(ByteReader& reader) {
   const auto component = reader.Uint<uint32_t>();
   return {component, reader.Uint<uint64_t>()};
-}
-
-/// Of a keyframe or a landmark.
-template <typename Id>
-void AppendId(const Id& id, std::string& out) {
-  AppendUint(id.drive.input, out);
-  AppendUint(id.drive.options, out);
-  AppendUint(id.index, out);
-}
-
-template <typename Id>
-Id ReadId(ByteReader& reader) {
-  const auto input = reader.Uint<uint64_t>();
-  const auto options = reader.Uint<uint64_t>();
-  return {{input, options}, reader.Uint<uint32_t>()};
 }
 
 template <typename Id>

@@ -40,8 +40,6 @@ class ComponentGraph {
     kept_ = poses_.size();
   }
 
-  size_t kept() const { return kept_; }
-
   /// Does nothing for a contribution to another component. To be called after all tiles.
   bool AddContribution(const PoseConstraints& constraints) {
     const std::vector<LeanKeyframe>& keyframes = constraints.drive.keyframes;
@@ -72,7 +70,7 @@ class ComponentGraph {
     return true;
   }
 
-  /// Poses of the kept keyframes after it, in the order of their ids.
+  /// Moves all poses to where the measurements agree best.
   Adjustment Solve() {
     HoldTheLoose();
     PlaceTheOthers();
@@ -157,12 +155,15 @@ class ComponentGraph {
   /// A keyframe of which nothing was measured, since its contribution was taken back, keeps to the
   /// one nearest to it.
   void HoldTheLoose() {
+    std::vector<bool> is_loose(poses_.size(), true);
+    for (const PoseGraphEdge& edge : edges_) {
+      is_loose[edge.from_idx] = is_loose[edge.to_idx] = false;
+    }
     std::vector<Eigen::Vector3d> centers;
     for (size_t i = 0; i < kept_; ++i) centers.push_back(poses_[i]->translation);
     const KdTree tree(centers);
-    const auto edges_of = EdgesOfNodes();
     for (uint32_t i = 0; i < kept_; ++i) {
-      if (!edges_of[i].empty()) continue;
+      if (!is_loose[i]) continue;
       for (const uint32_t near : tree.Nearest(centers[i], 2)) {
         if (near == i) continue;
         edges_.push_back(
@@ -233,16 +234,14 @@ class ComponentGraph {
 absl::Status CommitAdjustment(const Changes& changes, BaseMap& base, Adjustment& made) {
   Commit commit;
   CARMAP_RETURN_IF_ERROR(changes.AddTo(DefaultVocabulary(), commit));
-  LoggedChange entry{.kind = "adjust",
-                     .time = TimeText(),
-                     .name = fmt::format("{} contributions", made.contributions),
-                     .component = made.component};
-  for (const TileChange& change : commit.tiles) {
-    made.tiles.push_back({change.tile, change.from_version + 1, false});
-    made.patch_bytes += change.patch.size();
-  }
-  entry.tiles = made.tiles;
-  commit.journal_text = ToJournal(entry);
+  made.tiles = VersionsAfter(commit);
+  made.patch_bytes = PatchBytesOf(commit);
+  commit.journal_text =
+      ToJournal(LoggedChange{.kind = "adjust",
+                             .time = TimeText(),
+                             .name = fmt::format("{} contributions", made.contributions),
+                             .component = made.component,
+                             .tiles = made.tiles});
   CARMAP_ASSIGN_OR_RETURN(made.sequence, base.Apply(commit));
   return absl::OkStatus();
 }

@@ -50,21 +50,29 @@ std::vector<std::vector<uint32_t>> WordsAlong(const LeanMap& segment,
   return words;
 }
 
+std::vector<Eigen::Vector3d> Thinned(const std::vector<Eigen::Vector3d>& places) {
+  std::vector<Eigen::Vector3d> thinned;
+  for (const Eigen::Vector3d& place : places) {
+    const bool is_apart = thinned.empty() || (place - thinned.back()).norm() >= kThinnedSpacingM;
+    if (is_apart) thinned.push_back(place);
+  }
+  return thinned;
+}
+
 absl::StatusOr<std::vector<CandidateTiles>> CandidatesByGps(const LeanMap& segment,
                                                             const BaseMap& base, double radius_m) {
-  constexpr double kSpacingM = 20;
   std::vector<Eigen::Vector3d> places;
   for (const LeanKeyframe& keyframe : segment.keyframes) {
-    if (!keyframe.gps) continue;
-    const Eigen::Vector3d place = EcefFromEnu(*keyframe.gps).translation;
-    if (places.empty() || (place - places.back()).norm() >= kSpacingM) places.push_back(place);
+    if (keyframe.gps) places.push_back(EcefFromEnu(*keyframe.gps).translation);
   }
   std::vector<CandidateTiles> candidates;
   if (places.empty()) return candidates;
   const CellGrid earth{.is_on_earth = true, .level = base.cell_level()};
   std::set<uint64_t> cells;
-  for (const Eigen::Vector3d& place : places) {
-    for (const uint64_t cell : CellsNear(earth, place, radius_m + kSpacingM)) cells.insert(cell);
+  for (const Eigen::Vector3d& place : Thinned(places)) {
+    for (const uint64_t cell : CellsNear(earth, place, radius_m + kThinnedSpacingM)) {
+      cells.insert(cell);
+    }
   }
   std::map<uint32_t, std::vector<TileId>> by_component;
   for (const uint64_t cell : cells) {

@@ -5,6 +5,7 @@
 
 #include <absl/status/statusor.h>
 
+#include <Eigen/Core>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -20,6 +21,10 @@ struct CandidateTiles {
   Component component;
   std::vector<TileId> tiles;  ///< ascending
 };
+
+/// Of places along a way those that lie some way from the one kept before.
+inline constexpr double kThinnedSpacingM = 20;
+std::vector<Eigen::Vector3d> Thinned(const std::vector<Eigen::Vector3d>& places);
 
 /// By the fixes of the segment's keyframes, on the Earth: the component with most tiles there
 /// first. Errors: those of the store.

@@ -162,6 +162,20 @@ class Cutter {
 
 }  // namespace
 
+std::vector<TileVersion> VersionsAfter(const Commit& commit) {
+  std::vector<TileVersion> versions;
+  for (const TileChange& change : commit.tiles) {
+    versions.push_back({change.tile, change.from_version + 1, !change.bytes});
+  }
+  return versions;
+}
+
+uint64_t PatchBytesOf(const Commit& commit) {
+  uint64_t bytes = 0;
+  for (const TileChange& change : commit.tiles) bytes += change.patch.size();
+  return bytes;
+}
+
 absl::StatusOr<std::shared_ptr<const Tile>> Changes::Read(TileId id) const {
   const auto changed = changed_.find(id);
   if (changed == changed_.end()) return base_.Read(id);

@@ -22,6 +22,11 @@
 
 namespace carmap {
 
+/// What the commit makes of its tiles.
+std::vector<TileVersion> VersionsAfter(const Commit& commit);
+/// What vehicles will fetch for it.
+uint64_t PatchBytesOf(const Commit& commit);
+
 class Changes : public TileSource {
  public:
   /// The base must outlive the changes.

@@ -13,12 +13,13 @@
 #include "carmap/base/status_macros.h"
 #include "carmap/base/summary.h"
 #include "carmap/feature/default_vocabulary.h"
-#include "carmap/index/kd_tree.h"
+#include "carmap/index/keyframe_tree.h"
 #include "carmap/index/reconstruct.h"
 #include "carmap/ingest/candidate_tiles.h"
 #include "carmap/ingest/changes.h"
 #include "carmap/ingest/journal.h"
 #include "carmap/ingest/pose_constraints.h"
+#include "carmap/map/by_id.h"
 
 namespace carmap {
 namespace {
@@ -60,24 +61,18 @@ struct Placed {
 };
 
 std::vector<Eigen::Vector3d> PlacesInRoot(const LeanMap& map, const Rigid3& root_from_map) {
-  constexpr double kSpacingM = 20;
   std::vector<Eigen::Vector3d> places;
   for (const LeanKeyframe& keyframe : map.keyframes) {
-    const Eigen::Vector3d place = root_from_map * keyframe.map_from_camera.translation;
-    if (places.empty() || (place - places.back()).norm() >= kSpacingM) places.push_back(place);
+    places.push_back(root_from_map * keyframe.map_from_camera.translation);
   }
-  return places;
+  return Thinned(places);
 }
 
 /// Whether the segment drives somewhere where the base has seen the road from its side: going the
 /// other way it shows nothing that could be known again, and looking for it would take long.
 bool LooksTheSameWay(const LeanMap& segment, const Rigid3& view_from_segment, const LeanMap& base,
                      double radius_m) {
-  std::vector<Eigen::Vector3d> centers;
-  for (const LeanKeyframe& keyframe : base.keyframes) {
-    centers.push_back(keyframe.map_from_camera.translation);
-  }
-  const KdTree of_base(std::move(centers));
+  const KdTree of_base = TreeOfKeyframes(base);
   const auto forward = [](const Rigid3& pose) {
     return Eigen::Vector3d(pose.rotation * Eigen::Vector3d::UnitZ());
   };
@@ -136,19 +131,17 @@ struct NewComponent {
   LeanMap map;   ///< in its frame
 };
 
-NewComponent MakeComponent(const LeanMap& segment, uint32_t id, int cell_level,
+NewComponent MakeComponent(const Segment& segment, uint32_t id, int cell_level,
                            const GpsOptions& options) {
-  Component component{.id = id, .grid = {.is_on_earth = false, .level = cell_level}};
-  Rigid3 root_from_segment;
-  if (const auto georeference = SettledGeoreferenceOf(segment, options)) {
-    component.grid.is_on_earth = true;
-    component.sigma_m = options.sigma_m;
-    root_from_segment = EcefFromEnu(georeference->origin) * georeference->enu_from_map;
-  }
+  const bool is_on_earth = segment.ecef_from_map.has_value();
+  const Component component{.id = id,
+                            .grid = {.is_on_earth = is_on_earth, .level = cell_level},
+                            .sigma_m = is_on_earth ? options.sigma_m : 0};
+  const Rigid3 root_from_segment = segment.ecef_from_map.value_or(Rigid3());
   const Eigen::Vector3d first =
-      root_from_segment * segment.keyframes.front().map_from_camera.translation;
+      root_from_segment * segment.map.keyframes.front().map_from_camera.translation;
   MapView view(component.grid, CellAt(component.grid, first), {});
-  LeanMap map = Moved(segment, view.root_from_view().Inverse() * root_from_segment);
+  LeanMap map = Moved(segment.map, view.root_from_view().Inverse() * root_from_segment);
   return {component, std::move(view), std::move(map)};
 }
 
@@ -171,13 +164,10 @@ std::optional<double> GpsOffsetM(const LeanMap& segment, const LeanMap& fitted,
 
 /// Records of `of` that `in` does not have; both ascending by id.
 size_t CountMissing(const std::vector<LeanLandmark>& of, const std::vector<LeanLandmark>& in) {
-  size_t missing = 0;
-  auto place = in.begin();
-  for (const LeanLandmark& landmark : of) {
-    while (place != in.end() && place->id < landmark.id) ++place;
-    missing += place == in.end() || place->id != landmark.id;
-  }
-  return missing;
+  AscendingSearch search(in);
+  return static_cast<size_t>(std::count_if(of.begin(), of.end(), [&](const LeanLandmark& landmark) {
+    return search.Find(landmark.id) == nullptr;
+  }));
 }
 
 /// What a diff tells of poses: the steps between its keyframes, each of which stands where the base
@@ -246,11 +236,8 @@ class Contributor {
     MapDiff in_view = diff;
     in_view.drive = Moved(diff.drive, view.root_from_view().Inverse() * root_from_tile);
     constraints_ = ConstraintsOf(in_view, view.map());
-    CARMAP_RETURN_IF_ERROR(Take(*component, {std::move(view), {.diff = std::move(in_view)}}));
-    made_.component = component->id;
-    made_.keyframes_added = added_keyframes_;
-    made_.landmarks_added = added_landmarks_;
-    made_.landmarks_replaced = replaced_landmarks_;
+    CARMAP_RETURN_IF_ERROR(
+        TakeSegment(*component, {std::move(view), {.diff = std::move(in_view)}}));
     return CommitAll();
   }
 
@@ -285,10 +272,9 @@ class Contributor {
     CARMAP_RETURN_IF_ERROR(placed.status());
     if (!candidate.component.grid.is_on_earth && ecef_from_segment_) {
       CARMAP_RETURN_IF_ERROR(BeginComponent());
-      return Join(candidate);
+      return Absorb(candidate.component);
     }
-    CARMAP_RETURN_IF_ERROR(Take(candidate.component, *placed));
-    made_.component = candidate.component.id;
+    CARMAP_RETURN_IF_ERROR(TakeSegment(candidate.component, *placed));
     made_.fit = placed->fitted.report;
     constraints_ = ConstraintsOf(segment_, placed->fitted.steps);
     AddAnchors(placed->view.map(), segment_, placed->fitted.anchors, constraints_);
@@ -298,19 +284,25 @@ class Contributor {
                            segment_.keyframes.front().map_from_camera.Inverse();
     }
     made_.gps_offset_m = GpsOffsetM(segment_, placed->fitted.diff.drive, placed->view);
-    made_.keyframes_added = added_keyframes_;
-    made_.landmarks_added = added_landmarks_;
-    made_.landmarks_replaced = replaced_landmarks_;
     return absl::OkStatus();
   }
 
-  absl::Status Take(const Component& component, const Placed& placed) {
-    CARMAP_ASSIGN_OR_RETURN(const LeanMap merged,
+  /// What the component's map becomes by what was placed in it.
+  absl::StatusOr<LeanMap> Take(const Component& component, const Placed& placed) {
+    CARMAP_ASSIGN_OR_RETURN(LeanMap merged,
                             Apply(placed.fitted.diff, placed.view.map(), options_.apply));
-    added_keyframes_ = merged.keyframes.size() - placed.view.map().keyframes.size();
-    added_landmarks_ = CountMissing(merged.landmarks, placed.view.map().landmarks);
-    replaced_landmarks_ = CountMissing(placed.view.map().landmarks, merged.landmarks);
-    return changes_.Replace(component, placed.view, merged);
+    CARMAP_RETURN_IF_ERROR(changes_.Replace(component, placed.view, merged));
+    return merged;
+  }
+
+  absl::Status TakeSegment(const Component& component, const Placed& placed) {
+    const LeanMap& before = placed.view.map();
+    CARMAP_ASSIGN_OR_RETURN(const LeanMap after, Take(component, placed));
+    made_.component = component.id;
+    made_.keyframes_added = after.keyframes.size() - before.keyframes.size();
+    made_.landmarks_added = CountMissing(after.landmarks, before.landmarks);
+    made_.landmarks_replaced = CountMissing(before.landmarks, after.landmarks);
+    return absl::OkStatus();
   }
 
   /// Another component that the segment fits, too, becomes part of the segment's.
@@ -320,11 +312,13 @@ class Contributor {
         Place({segment_, ecef_from_segment_}, candidate, changes_, base_, options_);
     if (absl::IsNotFound(touches.status())) return absl::OkStatus();
     CARMAP_RETURN_IF_ERROR(touches.status());
+    return Absorb(candidate.component);
+  }
 
-    CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> its_tiles,
-                            TilesOf(base_.reader(), candidate.component.id));
+  absl::Status Absorb(const Component& other) {
+    CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> its_tiles, TilesOf(base_.reader(), other.id));
     CARMAP_ASSIGN_OR_RETURN(const MapView whole,
-                            changes_.View(candidate.component, its_tiles.front().cell, its_tiles));
+                            changes_.View(other, its_tiles.front().cell, its_tiles));
     CARMAP_ASSIGN_OR_RETURN(const Component own, OwnComponent());
     std::vector<TileId> around;
     for (const auto& tile : changes_.Changed()) {
@@ -333,13 +327,13 @@ class Contributor {
     auto placed = Place({whole.map(), std::nullopt}, {own, around}, changes_, base_, options_);
     if (!placed.ok()) {
       return absl::FailedPreconditionError(
-          fmt::format("components {} and {} do not fit each other: {}", made_.component,
-                      candidate.component.id, std::string(placed.status().message())));
+          fmt::format("components {} and {} do not fit each other: {}", made_.component, other.id,
+                      std::string(placed.status().message())));
     }
-    CARMAP_RETURN_IF_ERROR(Take(own, *placed));
+    CARMAP_RETURN_IF_ERROR(Take(own, *placed).status());
     AddAnchors(placed->view.map(), whole.map(), placed->fitted.anchors, constraints_);
     for (const TileId& id : its_tiles) CARMAP_RETURN_IF_ERROR(changes_.Put({id, 0, {}}));
-    made_.joined.push_back(candidate.component.id);
+    made_.joined.push_back(other.id);
     return absl::OkStatus();
   }
 
@@ -358,7 +352,8 @@ class Contributor {
     const uint32_t id = std::max(components.empty() ? 0 : components.back().id,
                                  tiles.empty() ? 0 : tiles.back().tile.component) +
                         1;
-    const NewComponent made = MakeComponent(segment_, id, base_.cell_level(), options_.gps);
+    const NewComponent made =
+        MakeComponent({segment_, ecef_from_segment_}, id, base_.cell_level(), options_.gps);
     CARMAP_RETURN_IF_ERROR(changes_.Replace(made.component, made.view, made.map));
     constraints_ = ConstraintsOf(segment_, StepsOf(Reconstruct(segment_)));
     new_component_ = made.component;
@@ -376,10 +371,8 @@ class Contributor {
       commit.components.emplace_back(new_component_->id, EncodeComponent(*new_component_));
     }
     for (const uint32_t joined : made_.joined) commit.components.emplace_back(joined, "");
-    for (const TileChange& change : commit.tiles) {
-      made_.tiles.push_back({change.tile, change.from_version + 1, !change.bytes});
-      made_.patch_bytes += change.patch.size();
-    }
+    made_.tiles = VersionsAfter(commit);
+    made_.patch_bytes = PatchBytesOf(commit);
     for (const DriveId& drive : made_.drives) {
       commit.contributions.emplace_back(part_ ? KeyOf(drive, *part_) : KeyOf(drive), "");
     }
@@ -399,8 +392,6 @@ class Contributor {
   std::optional<uint32_t> part_;             ///< of a diff
   Contribution made_;
   PoseConstraints constraints_;
-  /// By what was taken last.
-  size_t added_keyframes_ = 0, added_landmarks_ = 0, replaced_landmarks_ = 0;
 };
 
 }  // namespace

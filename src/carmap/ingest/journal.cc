@@ -27,7 +27,11 @@ nlohmann::ordered_json ToJson(const TileVersion& tile) {
 
 }  // namespace
 
-std::string KeyOf(DriveId drive) { return fmt::format("{}{}", kContributionPrefix, ToHex(drive)); }
+std::string KeyOf(std::string_view drive) {
+  return fmt::format("{}{}", kContributionPrefix, drive);
+}
+
+std::string KeyOf(DriveId drive) { return KeyOf(ToHex(drive)); }
 
 std::string KeyOf(DriveId drive, uint32_t part) { return fmt::format("{}/{}", KeyOf(drive), part); }
 
@@ -100,6 +104,17 @@ absl::StatusOr<std::vector<LoggedChange>> ReadLog(const MapReader& reader) {
     }
     if (entries.size() < kAtOnce) return log;
   }
+}
+
+std::set<std::string> ContributedDrives(const std::vector<LoggedChange>& log) {
+  std::set<std::string> drives;
+  for (const LoggedChange& change : log) {
+    for (const std::string& drive : change.drives) {
+      if (change.kind == "add") drives.insert(drive);
+      if (change.kind == "revert") drives.erase(drive);
+    }
+  }
+  return drives;
 }
 
 }  // namespace carmap

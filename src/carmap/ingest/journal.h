@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -21,6 +22,8 @@ struct Contribution;
 /// What the keys of all contributions begin with.
 inline constexpr std::string_view kContributionPrefix = "drive/";
 /// Of a whole drive, and of a part of one, in the store's list of contributions.
+/// `drive` in hexadecimal digits.
+std::string KeyOf(std::string_view drive);
 std::string KeyOf(DriveId drive);
 std::string KeyOf(DriveId drive, uint32_t part);
 
@@ -44,6 +47,9 @@ absl::StatusOr<LoggedChange> FromJournal(const JournalEntry& entry);
 
 /// All entries, from the first. Errors: those of the store and of FromJournal.
 absl::StatusOr<std::vector<LoggedChange>> ReadLog(const MapReader& reader);
+
+/// Drives that were added and not taken back, in hexadecimal digits.
+std::set<std::string> ContributedDrives(const std::vector<LoggedChange>& log);
 
 /// Now, in UTC.
 std::string TimeText();

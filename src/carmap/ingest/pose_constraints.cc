@@ -8,26 +8,15 @@
 
 #include "carmap/base/byte_io.h"
 #include "carmap/base/status_macros.h"
+#include "carmap/format/id_bytes.h"
 #include "carmap/format/tile_codec.h"
-#include "carmap/index/kd_tree.h"
+#include "carmap/index/keyframe_tree.h"
 
 namespace carmap {
 namespace {
 
 constexpr size_t kStepBytes = 2 * sizeof(uint32_t) + 1;
-constexpr size_t kAnchorBytes = 2 * (2 * sizeof(uint64_t) + sizeof(uint32_t)) + 9 * sizeof(double);
-
-void AppendId(const KeyframeId& id, std::string& out) {
-  AppendUint(id.drive.input, out);
-  AppendUint(id.drive.options, out);
-  AppendUint(id.index, out);
-}
-
-KeyframeId ReadId(ByteReader& reader) {
-  const auto input = reader.Uint<uint64_t>();
-  const auto options = reader.Uint<uint64_t>();
-  return {{input, options}, reader.Uint<uint32_t>()};
-}
+constexpr size_t kAnchorBytes = 2 * kIdBytes + 9 * sizeof(double);
 
 void AppendAnchor(const AnchorConstraint& anchor, std::string& out) {
   AppendId(anchor.keyframe, out);
@@ -41,8 +30,8 @@ void AppendAnchor(const AnchorConstraint& anchor, std::string& out) {
 
 AnchorConstraint ReadAnchor(ByteReader& reader) {
   AnchorConstraint anchor;
-  anchor.keyframe = ReadId(reader);
-  anchor.reference = ReadId(reader);
+  anchor.keyframe = ReadId<KeyframeId>(reader);
+  anchor.reference = ReadId<KeyframeId>(reader);
   Rigid3& pose = anchor.reference_from_keyframe;
   for (int i = 0; i < 4; ++i) pose.rotation.coeffs()[i] = reader.Double();
   for (int i = 0; i < 3; ++i) pose.translation[i] = reader.Double();
@@ -68,11 +57,7 @@ PoseConstraints ConstraintsOf(const LeanMap& segment, std::vector<DriveStep> ste
 void AddAnchors(const LeanMap& base, const LeanMap& segment,
                 const std::vector<AnchoredKeyframe>& anchors, PoseConstraints& constraints) {
   if (base.keyframes.empty()) return;
-  std::vector<Eigen::Vector3d> centers;
-  for (const LeanKeyframe& keyframe : base.keyframes) {
-    centers.push_back(keyframe.map_from_camera.translation);
-  }
-  const KdTree of_base(std::move(centers));
+  const KdTree of_base = TreeOfKeyframes(base);
   for (const AnchoredKeyframe& anchor : anchors) {
     const LeanKeyframe& reference =
         base.keyframes[of_base.Nearest(anchor.base_from_camera.translation, 1).front()];

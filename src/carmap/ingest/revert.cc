@@ -65,18 +65,6 @@ absl::StatusOr<std::vector<LoggedChange>> FindContributions(const std::string& d
                   base.name(), drive, base.name()));
 }
 
-/// Drives that were added and not taken back, in hexadecimal digits.
-std::set<std::string> ContributedDrives(const std::vector<LoggedChange>& log) {
-  std::set<std::string> drives;
-  for (const LoggedChange& change : log) {
-    for (const std::string& drive : change.drives) {
-      if (change.kind == "add") drives.insert(drive);
-      if (change.kind == "revert") drives.erase(drive);
-    }
-  }
-  return drives;
-}
-
 /// Whether a later contribution moved the tile into another component.
 bool WasJoined(const TileVersion& tile, const std::vector<LoggedChange>& log) {
   return std::any_of(log.begin(), log.end(), [&](const LoggedChange& change) {
@@ -262,8 +250,8 @@ absl::StatusOr<std::vector<std::string>> KeysOf(const std::set<std::string>& dri
                                                 const BaseMap& base) {
   std::vector<std::string> keys;
   for (const std::string& id : drives) {
-    CARMAP_RETURN_IF_ERROR(base.reader().VisitContributions(
-        fmt::format("{}{}", kContributionPrefix, id), [&](std::string_view key, std::string_view) {
+    CARMAP_RETURN_IF_ERROR(
+        base.reader().VisitContributions(KeyOf(id), [&](std::string_view key, std::string_view) {
           keys.emplace_back(key);
           return absl::OkStatus();
         }));
@@ -328,9 +316,7 @@ absl::StatusOr<Reversion> Revert(const std::string& drive, BaseMap& base) {
                      .name = made.name,
                      .drives = {drives.begin(), drives.end()},
                      .component = added.front().component};
-  for (const TileChange& change : commit.tiles) {
-    entry.tiles.push_back({change.tile, change.from_version + 1, !change.bytes});
-  }
+  entry.tiles = VersionsAfter(commit);
   CARMAP_ASSIGN_OR_RETURN(commit.withdrawn, KeysOf(drives, base));
   // A component of which nothing is left goes.
   for (const LoggedChange& change : added) {

@@ -91,18 +91,11 @@ std::vector<Component> UnlistedComponents(const std::vector<TileVersion>& tiles,
 /// twice.
 absl::StatusOr<std::vector<std::string>> UnlistedDrives(const std::vector<LoggedChange>& log,
                                                         const MapReader& reader) {
-  std::set<std::string> added;
-  for (const LoggedChange& change : log) {
-    for (const std::string& drive : change.drives) {
-      if (change.kind == "add") added.insert(drive);
-      if (change.kind == "revert") added.erase(drive);
-    }
-  }
   std::vector<std::string> unlisted;
-  for (const std::string& drive : added) {
+  for (const std::string& drive : ContributedDrives(log)) {
     bool is_listed = false;
-    CARMAP_RETURN_IF_ERROR(reader.VisitContributions(
-        fmt::format("{}{}", kContributionPrefix, drive), [&](std::string_view, std::string_view) {
+    CARMAP_RETURN_IF_ERROR(
+        reader.VisitContributions(KeyOf(drive), [&](std::string_view, std::string_view) {
           is_listed = true;
           return absl::OkStatus();
         }));
@@ -134,7 +127,7 @@ absl::Status CheckLists(const std::vector<LoggedChange>& log, Mending mending, B
     commit.components.emplace_back(component.id, EncodeComponent(component));
   }
   for (const std::string& drive : drives) {
-    commit.contributions.emplace_back(fmt::format("{}{}", kContributionPrefix, drive), "");
+    commit.contributions.emplace_back(KeyOf(drive), "");
   }
   commit.journal_text =
       ToJournal({.kind = "repair", .time = TimeText(), .name = "carmap base verify --repair"});

@@ -19,4 +19,20 @@ const Record* FindById(const std::vector<Record>& records, const decltype(Record
   return found != records.end() && found->id == id ? &*found : nullptr;
 }
 
+/// Finds records by ids that ascend from one call to the next, of records ascending by id.
+template <typename Record>
+class AscendingSearch {
+ public:
+  explicit AscendingSearch(const std::vector<Record>& records)
+      : next_(records.begin()), end_(records.end()) {}
+
+  const Record* Find(const decltype(Record::id)& id) {
+    while (next_ != end_ && next_->id < id) ++next_;
+    return next_ != end_ && next_->id == id ? &*next_ : nullptr;
+  }
+
+ private:
+  typename std::vector<Record>::const_iterator next_, end_;
+};
+
 }  // namespace carmap

@@ -127,22 +127,6 @@ bool AreEqual(const LeanMap& map_a, const LeanLandmark& a, const LeanMap& map_b,
          kSamePositionM;
 }
 
-/// Finds records by ids that ascend from one call to the next, of records ascending by id.
-template <typename Record>
-class AscendingSearch {
- public:
-  explicit AscendingSearch(const std::vector<Record>& records)
-      : next_(records.begin()), end_(records.end()) {}
-
-  const Record* Find(const decltype(Record::id)& id) {
-    while (next_ != end_ && next_->id < id) ++next_;
-    return next_ != end_ && next_->id == id ? &*next_ : nullptr;
-  }
-
- private:
-  typename std::vector<Record>::const_iterator next_, end_;
-};
-
 template <typename Record, typename Id>
 std::vector<Id> Missing(const std::vector<Record>& of, const std::vector<Record>& in,
                         Id Record::*id) {

@@ -71,10 +71,11 @@ inline std::string ComponentKey(uint32_t component) {
   return key;
 }
 
-/// The tile of a VersionKey.
-inline TileId TileOfVersionKey(std::string_view key) {
-  return {ReadBigEndian<uint32_t>(key.substr(1)), ReadBigEndian<uint64_t>(key.substr(5))};
+/// The tile of a TileKey, or of what begins with one.
+inline TileId TileOfKey(std::string_view key) {
+  return {ReadBigEndian<uint32_t>(key), ReadBigEndian<uint64_t>(key.substr(4))};
 }
+inline TileId TileOfVersionKey(std::string_view key) { return TileOfKey(key.substr(1)); }
 inline constexpr size_t kVersionKeySize = 13;
 
 inline std::string EncodeVersion(uint64_t version, bool is_removed) {

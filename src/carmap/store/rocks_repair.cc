@@ -35,8 +35,15 @@ void VisitReadable(const RocksDatabase& database, Family family, Visitor&& visit
   iterator->status().PermitUncheckedError();
 }
 
-TileId TileOfKey(std::string_view key) {
-  return {ReadBigEndian<uint32_t>(key), ReadBigEndian<uint64_t>(key.substr(4))};
+/// The newest of each tile by the metadata.
+std::map<TileId, TileVersion> VersionsIn(const RocksDatabase& database) {
+  std::map<TileId, TileVersion> versions;
+  VisitReadable(database, Family::kMeta, [&](std::string_view key, std::string_view value) {
+    if (key.size() != kVersionKeySize || key.front() != kVersionPrefix) return;
+    const TileId tile = TileOfVersionKey(key);
+    if (const auto version = DecodeVersion(tile, value)) versions[tile] = *version;
+  });
+  return versions;
 }
 
 /// A table with damage goes as a whole; what of it can still be read one by one is brought over
@@ -51,18 +58,11 @@ class Salvage {
     for (uint64_t i = 1; i <= ReadBigEndian<uint64_t>(sequence); ++i) {
       Bring(Family::kJournal, SequenceKey(i));
     }
-    std::vector<TileVersion> tiles;
-    VisitReadable(damaged_, Family::kMeta, [&](std::string_view key, std::string_view value) {
-      if (key.size() != kVersionKeySize || key.front() != kVersionPrefix) return;
-      if (const auto version = DecodeVersion(TileOfVersionKey(key), value)) {
-        tiles.push_back(*version);
-      }
-    });
-    for (const TileVersion& tile : tiles) {
-      Bring(Family::kMeta, VersionKey(tile.tile));
-      Bring(Family::kTiles, TileKey(tile.tile));
-      Bring(Family::kWords, TileKey(tile.tile));
-      for (uint64_t i = 1; i <= tile.version; ++i) Bring(Family::kPatches, PatchKey(tile.tile, i));
+    for (const auto& [tile, version] : VersionsIn(damaged_)) {
+      Bring(Family::kMeta, VersionKey(tile));
+      Bring(Family::kTiles, TileKey(tile));
+      Bring(Family::kWords, TileKey(tile));
+      for (uint64_t i = 1; i <= version.version; ++i) Bring(Family::kPatches, PatchKey(tile, i));
       if (batch_.GetDataSize() > kChunk) CARMAP_RETURN_IF_ERROR(Write(folder));
     }
     return Write(folder);
@@ -141,12 +141,7 @@ class MetaRebuilder {
   /// The newest of each tile that anything tells of. Whether one that has no bytes was removed is
   /// for its patches to say: until then it is damaged.
   void RebuildVersions() {
-    std::map<TileId, TileVersion> versions;
-    VisitReadable(database_, Family::kMeta, [&](std::string_view key, std::string_view value) {
-      if (key.size() != kVersionKeySize || key.front() != kVersionPrefix) return;
-      const TileId tile = TileOfVersionKey(key);
-      if (const auto version = DecodeVersion(tile, value)) versions[tile] = *version;
-    });
+    std::map<TileId, TileVersion> versions = VersionsIn(database_);
     const auto raise = [&](TileId tile, uint64_t version) {
       const auto [known, is_new] = versions.try_emplace(tile, TileVersion{tile});
       if (version <= known->second.version) return;

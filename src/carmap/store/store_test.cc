@@ -696,6 +696,22 @@ TEST_F(RocksStoreTest, ReadersKeepTheirFilesWhileAWriterReplacesThem) {
 
 // ------------------------------------------------------------------------------------- damage
 
+/// Flips a bit of the tile's bytes in whichever table holds them.
+void DamageTableOf(const fs::path& folder, const std::string& bytes) {
+  const std::string middle = bytes.substr(bytes.size() / 2, 64);
+  int found = 0;
+  for (const auto& entry : fs::directory_iterator(folder / "rocksdb")) {
+    if (entry.path().extension() != ".sst") continue;
+    std::string file = *ReadFile(entry.path(), 1 << 30);
+    const size_t offset = file.find(middle);
+    if (offset == std::string::npos) continue;
+    file[offset] = static_cast<char>(file[offset] ^ 1);
+    std::ofstream(entry.path(), std::ios::binary) << file;
+    ++found;
+  }
+  ASSERT_EQ(found, 1);
+}
+
 /// Files of a store whose history has `kCommits` commits, some of them in the log alone.
 class DamagedStoreTest : public RocksStoreTest {
  protected:
@@ -771,6 +787,17 @@ class DamagedStoreTest : public RocksStoreTest {
     return is_whole;
   }
 
+  /// One that is there, in a store that has all in tables.
+  TileVersion DamageATile() {
+    fs::rename(scratch_ / "whole", folder());
+    Open();  // to move all that is in the log to tables
+    const std::vector<TileVersion> tiles = *truth_->ListTiles();
+    const auto damaged = std::find_if(tiles.begin(), tiles.end(),
+                                      [](const TileVersion& tile) { return !tile.is_removed; });
+    DamageTableOf(folder(), BytesOf(*truth_, damaged->tile));
+    return *damaged;
+  }
+
   std::unique_ptr<MapStore> truth_, store_;
 };
 
@@ -812,36 +839,15 @@ TEST_F(DamagedStoreTest, IsNeverReadWronglyWhenCutShortOrWithoutAFile) {
   }
 }
 
-/// Flips a bit of the tile's bytes in whichever table holds them.
-void DamageTableOf(const fs::path& folder, const std::string& bytes) {
-  const std::string middle = bytes.substr(bytes.size() / 2, 64);
-  int found = 0;
-  for (const auto& entry : fs::directory_iterator(folder / "rocksdb")) {
-    if (entry.path().extension() != ".sst") continue;
-    std::string file = *ReadFile(entry.path(), 1 << 30);
-    const size_t offset = file.find(middle);
-    if (offset == std::string::npos) continue;
-    file[offset] = static_cast<char>(file[offset] ^ 1);
-    std::ofstream(entry.path(), std::ios::binary) << file;
-    ++found;
-  }
-  ASSERT_EQ(found, 1);
-}
-
 TEST_F(DamagedStoreTest, LosesOneTileAloneAndGoesOn) {
-  fs::rename(scratch_ / "whole", folder());
-  Open();  // to move all that is in the log to tables
-  const std::vector<TileVersion> tiles = *truth_->ListTiles();
-  const auto damaged = std::find_if(tiles.begin(), tiles.end(),
-                                    [](const TileVersion& tile) { return !tile.is_removed; });
-  DamageTableOf(folder(), BytesOf(*truth_, damaged->tile));
-  const std::string name = fmt::format("tile 1/{:016x} is damaged", damaged->tile.cell);
+  const TileVersion damaged = DamageATile();
+  const std::string name = fmt::format("tile 1/{:016x} is damaged", damaged.tile.cell);
   for (const StoreAccess access : {StoreAccess::kReadOnly, StoreAccess::kReadWrite}) {
     const auto store = Open(access);
     const Losses losses = Compare(*store, *truth_, HistoryKeys(kCommits));
     EXPECT_EQ(losses.tiles, 1);
     EXPECT_THAT(losses.messages, ElementsAre(HasSubstr(name)));
-    EXPECT_EQ(store->ReadTile(damaged->tile).status().code(), absl::StatusCode::kDataLoss);
+    EXPECT_EQ(store->ReadTile(damaged.tile).status().code(), absl::StatusCode::kDataLoss);
   }
   // Tables of which one is damaged cannot be merged; commits go on all the same.
   const auto store = Open();
@@ -850,8 +856,8 @@ TEST_F(DamagedStoreTest, LosesOneTileAloneAndGoesOn) {
     ASSERT_TRUE(store->Apply(Put(other, version, Noise(version, 4 << 20))).ok());
   }
   EXPECT_TRUE(BytesOf(*store, other) == Noise(39, 4 << 20));
-  ASSERT_TRUE(store->Apply(Put(damaged->tile, damaged->version, "mended")).ok());
-  EXPECT_EQ(BytesOf(*store, damaged->tile), "mended");
+  ASSERT_TRUE(store->Apply(Put(damaged.tile, damaged.version, "mended")).ok());
+  EXPECT_EQ(BytesOf(*store, damaged.tile), "mended");
 }
 
 TEST_F(DamagedStoreTest, TellsOfLostCommits) {
@@ -914,12 +920,7 @@ TEST_F(RocksStoreTest, IsRepairedWhenAllIsInTheLog) {
 }
 
 TEST_F(DamagedStoreTest, RepairLeavesOutNoMoreThanWhatIsDamaged) {
-  fs::rename(scratch_ / "whole", folder());
-  Open();  // to move all that is in the log to tables
-  const std::vector<TileVersion> tiles = *truth_->ListTiles();
-  const auto damaged = std::find_if(tiles.begin(), tiles.end(),
-                                    [](const TileVersion& tile) { return !tile.is_removed; });
-  DamageTableOf(folder(), BytesOf(*truth_, damaged->tile));
+  DamageATile();
   EXPECT_EQ(Open()->VerifyFiles().code(), absl::StatusCode::kDataLoss);
   ASSERT_TRUE(RepairRocksStore(folder(), "", "lost").ok());
   const auto store = Open();

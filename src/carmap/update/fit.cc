@@ -190,7 +190,7 @@ absl::StatusOr<FittedSegment> Fit(const LeanMap& base, const LeanMap& segment,
                    .largest_strain = strain.ratio,
                    .scale = Scale(fit, segment)};
   fitted.anchors = fit.anchors;
-  fitted.steps = StepsOf(segment_map);
+  fitted.steps = fit.steps;
   return fitted;
 }
 

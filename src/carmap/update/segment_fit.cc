@@ -227,7 +227,7 @@ void Bend(const ReconstructedMap& segment, const BendOptions& options, SegmentFi
                            anchor.base_from_camera.Inverse(), anchor.sigma_m, anchor.sigma_rad,
                            /*is_robust=*/true});
   }
-  for (const auto& [from, to, is_lost] : StepsOf(segment)) {
+  for (const auto& [from, to, is_lost] : fit.steps) {
     const Rigid3 to_from_from = segment.snapshot.keyframes[to].map_from_camera.Inverse() *
                                 segment.snapshot.keyframes[from].map_from_camera;
     graph.edges.push_back(
@@ -295,6 +295,7 @@ SegmentFit FitSegment(const ReconstructedMap& base, const ReconstructedMap& segm
                       KeyframeLocator& locator) {
   AnchorSearch search(base, segment, options, locator);
   SegmentFit fit = search.Run(start);
+  fit.steps = StepsOf(segment);
   Bend(segment, options, fit);
   FindMoreAnchors(SegmentLinks(segment), search, options, fit);
   Bend(segment, options, fit);

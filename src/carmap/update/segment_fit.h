@@ -56,16 +56,17 @@ struct Strain {
   uint32_t keyframe_idx = 0;  ///< where it begins
 };
 
-struct SegmentFit {
-  std::vector<Rigid3> base_from_camera;         ///< of each keyframe of the segment
-  std::vector<AnchoredKeyframe> anchors;        ///< ascending by keyframe; those that hold
-  std::vector<AnchoredKeyframe> contradicting;  ///< and those that the others contradict
-};
-
 /// Two keyframes that a drive's map places relative to each other, ascending.
 struct DriveStep {
   uint32_t from_idx = 0, to_idx = 0;
   bool is_lost = false;  ///< they see nothing in common
+};
+
+struct SegmentFit {
+  std::vector<Rigid3> base_from_camera;         ///< of each keyframe of the segment
+  std::vector<AnchoredKeyframe> anchors;        ///< ascending by keyframe; those that hold
+  std::vector<AnchoredKeyframe> contradicting;  ///< and those that the others contradict
+  std::vector<DriveStep> steps;                 ///< of the segment (StepsOf)
 };
 
 /// Of each keyframe the step from the one before it in its drive, and from two long before that
