@@ -599,7 +599,8 @@ Exit codes: 0 sound (or all repaired), 1 damaged, or an error, 2 wrong usage)");
   revert->footer(
       R"(What nobody touched since becomes what it was before, to the last bit. Of what others changed later,
 what the drive alone saw goes; keyframes of it on which landmarks of others hang stay. The history
-keeps both steps.
+keeps both steps. What joined components, or was joined to another since, cannot be taken back alone, nor can
+what is older than the patches that `compact` kept.
 
 Exit codes: 0 done, 1 error (nothing is changed, unless only standard output cannot be written), 2
 wrong usage)");
@@ -622,8 +623,9 @@ the road is. Vehicles get it as patches of poses.
 
 A component that would move by more than 25 m is left as it is: its fixes contradict its drives.
 
-Exit codes: 0 done, or nothing to move, 1 error or refused, 2 wrong usage, 3 some components were refused,
-or a file could not be written)");
+Exit codes: 0 done, or nothing to move, 1 error or refused (nothing is changed, unless only standard output
+cannot be written; `carmap base log` tells), 2 wrong usage, 3 some components were refused, or a file could
+not be written)");
 
   CLI::App* compact = AddAction(*base, "compact", "Forget old patches", Compact, arguments, chosen);
   compact
