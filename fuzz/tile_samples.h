@@ -45,7 +45,7 @@ inline Tile SampleNextTile() {
 /// Two drives that saw what the tile has, the first three metres beside its keyframes.
 inline MapDiff SampleDiff() {
   const Tile tile = SampleTile();
-  MapDiff diff{.part = 1, .frame = tile.id, .drive = tile.map, .seen_again = {}};
+  MapDiff diff{.part = 1, .frame = tile.id, .drive = tile.map, .seen_again = {}, .sightings = {}};
   LeanMap& map = diff.drive;
   for (LeanDrive& drive : map.drives) ++drive.id.options;
   for (LeanKeyframe& keyframe : map.keyframes) {
@@ -57,6 +57,11 @@ inline MapDiff SampleDiff() {
     if (i % 3 != 0) diff.seen_again.push_back({tile.map.landmarks[i].id, map.landmarks[i].id});
   }
   map = Quantize(map);
+  TileSightings seen{.tile = tile.id, .version = tile.version, .of_landmarks = {}};
+  for (size_t i = 0; i < tile.map.landmarks.size(); ++i) {
+    seen.of_landmarks.push_back(static_cast<Sighting>(i % 4));
+  }
+  diff.sightings = {std::move(seen)};
   return diff;
 }
 

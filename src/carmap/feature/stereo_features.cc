@@ -79,7 +79,7 @@ std::vector<Feature> StereoFrontEnd::Extract(const cv::Mat& left, const cv::Mat&
       [&] {
         brightness_ratio_ = BrightnessRatio(left, right);
         const cv::Mat equal = WithBrightnessOfLeft(right, brightness_ratio_);
-        right_ = BuildPyramid(Aligned(AtFeatureSize(equal)), std::move(right_));
+        right_ = BuildPyramid(RightAtFeatureSize(equal), std::move(right_));
       });
   const double extract_ms = watch.ElapsedMs();
   MatchStereo(left_, right_, rig_, stereo_options_, features);

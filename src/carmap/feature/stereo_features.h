@@ -66,6 +66,8 @@ class StereoFrontEnd {
 
   /// An image of the camera at the size in which features are.
   cv::Mat AtFeatureSize(const cv::Mat& image) const;
+  /// The same of a right image, put right where it is misaligned.
+  cv::Mat RightAtFeatureSize(const cv::Mat& right) const { return Aligned(AtFeatureSize(right)); }
 
  private:
   cv::Mat Aligned(const cv::Mat& right) const;

@@ -9,6 +9,7 @@
 
 #include "carmap/base/byte_io.h"
 #include "carmap/base/status_macros.h"
+#include "carmap/format/columns.h"
 #include "carmap/format/id_bytes.h"
 #include "carmap/format/lean_sections.h"
 
@@ -66,6 +67,72 @@ absl::Status ReadPatchSection(std::string_view bytes, Patch& patch) {
   return CheckEnd(reader);
 }
 
+constexpr size_t kSightingsPerByte = 4, kSightingBits = 2;
+/// Of sightings, by the bytes of their column: so memory is linear in the bytes of a file.
+constexpr size_t kMaxSightingsPerByte = 64;
+
+size_t SightingBytes(size_t sightings) {
+  return (sightings + kSightingsPerByte - 1) / kSightingsPerByte;
+}
+
+void AppendSightings(const std::vector<TileSightings>& sightings, int zstd_level,
+                     std::string& out) {
+  AppendUint(static_cast<uint32_t>(sightings.size()), out);
+  std::vector<Sighting> all;
+  for (const TileSightings& tile : sightings) {
+    AppendTileId(tile.tile, out);
+    AppendUint(tile.version, out);
+    AppendUint(static_cast<uint32_t>(tile.of_landmarks.size()), out);
+    all.insert(all.end(), tile.of_landmarks.begin(), tile.of_landmarks.end());
+  }
+  std::string packed(SightingBytes(all.size()), '\0');
+  for (size_t i = 0; i < all.size(); ++i) {
+    char& byte = packed[i / kSightingsPerByte];
+    const size_t shift = kSightingBits * (i % kSightingsPerByte);
+    byte = static_cast<char>(static_cast<uint8_t>(byte) | static_cast<size_t>(all[i]) << shift);
+  }
+  std::string column;
+  AppendByteColumn(packed, zstd_level, column);
+  if (column.size() * kMaxSightingsPerByte < all.size()) {
+    column.clear();
+    AppendByteColumn(packed, /*zstd_level=*/0, column);
+  }
+  out += column;
+}
+
+absl::Status ReadSightings(ByteReader& reader, std::vector<TileSightings>& sightings) {
+  constexpr size_t kTileBytes = 24;
+  const size_t tiles = reader.Uint<uint32_t>();
+  if (tiles > reader.remaining() / kTileBytes) return absl::DataLossError("tiles are missing");
+  std::vector<size_t> counts;
+  size_t total = 0;
+  for (size_t i = 0; i < tiles; ++i) {
+    TileSightings& tile = sightings.emplace_back();
+    tile.tile = ReadTileId(reader);
+    tile.version = reader.Uint<uint64_t>();
+    counts.push_back(reader.Uint<uint32_t>());
+    total += counts.back();
+  }
+  if (total > reader.remaining() * kMaxSightingsPerByte) {
+    return absl::DataLossError("sightings are missing");
+  }
+  CARMAP_ASSIGN_OR_RETURN(const std::string packed, ReadByteColumn(reader, SightingBytes(total)));
+  const auto at = [&](size_t i) {
+    const unsigned byte = static_cast<uint8_t>(packed[i / kSightingsPerByte]);
+    return byte >> (kSightingBits * (i % kSightingsPerByte)) & 3;
+  };
+  size_t place = 0;
+  for (size_t i = 0; i < tiles; ++i) {
+    for (size_t k = 0; k < counts[i]; ++k) {
+      sightings[i].of_landmarks.push_back(static_cast<Sighting>(at(place++)));
+    }
+  }
+  for (; place < packed.size() * kSightingsPerByte; ++place) {
+    if (at(place) != 0) return absl::DataLossError("sightings of no landmark");
+  }
+  return absl::OkStatus();
+}
+
 absl::Status ReadDiffSection(std::string_view bytes, MapDiff& diff) {
   ByteReader reader(bytes);
   diff.part = reader.Uint<uint32_t>();
@@ -76,10 +143,9 @@ absl::Status ReadDiffSection(std::string_view bytes, MapDiff& diff) {
   for (size_t i = 0; i < count; ++i) {
     const auto in_base = ReadId<LandmarkId>(reader);
     diff.seen_again.push_back({in_base, ReadId<LandmarkId>(reader)});
-    if (i > 0 && diff.seen_again[i] <= diff.seen_again[i - 1]) {
-      return absl::DataLossError("ids do not ascend");
-    }
   }
+  CARMAP_RETURN_IF_ERROR(ReadSightings(reader, diff.sightings));
+  CARMAP_RETURN_IF_ERROR(CheckOrder(diff));
   return CheckEnd(reader);
 }
 
@@ -132,7 +198,15 @@ absl::StatusOr<Patch> DecodePatch(std::string_view bytes, const std::string& nam
   return patch;
 }
 
+bool IsDiff(std::string_view bytes) {
+  const auto sections = ReadContainer(bytes, "");
+  return sections.ok() && std::any_of(sections->begin(), sections->end(), [](const auto& section) {
+           return section.id == static_cast<uint16_t>(AddedSection::kDiff);
+         });
+}
+
 absl::StatusOr<std::string> EncodeDiff(const MapDiff& diff, const LeanEncodeOptions& options) {
+  CARMAP_RETURN_IF_ERROR(CheckOrder(diff));
   std::string content;
   AppendUint(diff.part, content);
   AppendTileId(diff.frame, content);
@@ -141,6 +215,7 @@ absl::StatusOr<std::string> EncodeDiff(const MapDiff& diff, const LeanEncodeOpti
     AppendId(same.in_base, content);
     AppendId(same.in_drive, content);
   }
+  AppendSightings(diff.sightings, options.zstd_level, content);
   return EncodeWithSection(diff.drive, Added(AddedSection::kDiff, std::move(content)), options);
 }
 

@@ -28,6 +28,8 @@ absl::StatusOr<std::string> EncodePatch(const Patch& patch,
                                         const LeanEncodeOptions& options = kTileEncoding);
 absl::StatusOr<Patch> DecodePatch(std::string_view bytes, const std::string& name);
 
+/// Whether the bytes are a sound container of a diff.
+bool IsDiff(std::string_view bytes);
 absl::StatusOr<std::string> EncodeDiff(const MapDiff& diff,
                                        const LeanEncodeOptions& options = kTileEncoding);
 absl::StatusOr<MapDiff> DecodeDiff(std::string_view bytes, const std::string& name);

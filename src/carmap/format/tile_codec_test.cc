@@ -60,6 +60,50 @@ TEST(TileCodec, BringsTilesBack) {
   EXPECT_TRUE(AreIdentical(back->map, tile.map));
 }
 
+/// What tells drives that pass nothing new, of so many landmarks of two tiles.
+MapDiff Sightings(size_t landmarks, uint64_t seed) {
+  MapDiff diff{.frame = kTile, .drive = {}, .seen_again = {}, .sightings = {}};
+  for (const uint64_t cell : {kTile.cell, kTile.cell + 2}) {
+    TileSightings tile{.tile = {7, cell}, .version = 3, .of_landmarks = {}};
+    for (size_t i = 0; i < landmarks; ++i) {
+      seed = seed * 6364136223846793005u + 1442695040888963407u;
+      tile.of_landmarks.push_back(static_cast<Sighting>(seed >> 62));
+    }
+    diff.sightings.push_back(std::move(tile));
+  }
+  return diff;
+}
+
+TEST(TileCodec, BringsSightingsBack) {
+  for (size_t landmarks = 0; landmarks < 40; ++landmarks) {
+    const MapDiff diff = Sightings(landmarks, landmarks);
+    const auto back = DecodeDiff(EncodeDiff(diff).value(), "bytes");
+    ASSERT_TRUE(back.ok()) << back.status();
+    ASSERT_EQ(back->sightings.size(), 2u);
+    for (size_t i = 0; i < 2; ++i) {
+      EXPECT_EQ(back->sightings[i].tile, diff.sightings[i].tile);
+      EXPECT_EQ(back->sightings[i].version, 3u);
+      EXPECT_EQ(back->sightings[i].of_landmarks, diff.sightings[i].of_landmarks);
+    }
+  }
+}
+
+TEST(TileCodec, SightingsCostNoMoreMemoryThanTheirBytesAllow) {
+  MapDiff nothing = Sightings(100'000, 1);
+  for (TileSightings& tile : nothing.sightings) {
+    std::fill(tile.of_landmarks.begin(), tile.of_landmarks.end(), Sighting::kNone);
+  }
+  const std::string bytes = EncodeDiff(nothing).value();
+  EXPECT_GT(bytes.size() * 64, 200'000u);
+  EXPECT_TRUE(DecodeDiff(bytes, "bytes").ok());
+}
+
+TEST(TileCodec, RefusesTilesOutOfOrder) {
+  MapDiff diff = Sightings(4, 1);
+  std::swap(diff.sightings[0], diff.sightings[1]);
+  EXPECT_TRUE(absl::IsInvalidArgument(EncodeDiff(diff).status()));
+}
+
 TEST(TileCodec, BringsDiffsBack) {
   MapDiff diff{.part = 3, .frame = kTile, .drive = Quantize(RandomStreet(4))};
   for (uint32_t i = 0; i < 9; ++i) {
@@ -70,6 +114,7 @@ TEST(TileCodec, BringsDiffsBack) {
   EXPECT_EQ(back->part, 3u);
   EXPECT_EQ(back->frame, kTile);
   EXPECT_EQ(back->seen_again, diff.seen_again);
+  EXPECT_TRUE(back->sightings.empty());
   EXPECT_TRUE(AreIdentical(back->drive, diff.drive));
 }
 

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <algorithm>
+#include <utility>
 #include <vector>
 
 namespace carmap {
@@ -17,6 +18,11 @@ const Record* FindById(const std::vector<Record>& records, const decltype(Record
       records.begin(), records.end(), id,
       [](const Record& record, const decltype(Record::id)& wanted) { return record.id < wanted; });
   return found != records.end() && found->id == id ? &*found : nullptr;
+}
+
+template <typename Record>
+Record* FindById(std::vector<Record>& records, const decltype(Record::id)& id) {
+  return const_cast<Record*>(FindById(std::as_const(records), id));
 }
 
 /// Finds records by ids that ascend from one call to the next, of records ascending by id.

@@ -30,4 +30,9 @@ struct StrippedMap {
 /// `drive`.
 StrippedMap Strip(const Map& map, const LeanDrive& drive, const StripOptions& options = {});
 
+/// The part of it from one keyframe to another, both of the map: what these saw, and nothing of the
+/// rest is looked at. Lists of keyframes hold those of the stretch; `min_observations` counts all.
+StrippedMap StripStretch(const Map& map, const LeanDrive& drive, KeyframeId first, KeyframeId last,
+                         const StripOptions& options = {});
+
 }  // namespace carmap

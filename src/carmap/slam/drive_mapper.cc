@@ -224,6 +224,9 @@ void DriveMapper::TakeHealth(const ExtractedFrame& frame, const TrackedFrame& tr
   health_.TakeTracked(*frame.features, feature_idxs);
 }
 
+const Map& DriveMapper::map() const { return mapping_->WaitForMapper().map(); }
+const StereoRig& DriveMapper::rig() const { return mapping_->WaitForMapper().rig(); }
+
 DriveHealth DriveMapper::Health(const Trajectory& trajectory) const {
   std::vector<uint32_t> frame_indices;
   for (const TakenFrame& frame : frames_) frame_indices.push_back(frame.index);

@@ -108,6 +108,11 @@ class DriveMapper {
   /// Keyframes that were made so far.
   size_t keyframe_count() const;
 
+  /// The map so far, and the rig as far as it is known, when all keyframes are in. They change with
+  /// the next frame.
+  const Map& map() const;
+  const StereoRig& rig() const;
+
   /// The verdict on the drive so far, judged by this trajectory of the frames taken.
   DriveHealth Health(const Trajectory& trajectory) const;
 

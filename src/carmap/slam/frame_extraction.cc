@@ -50,6 +50,7 @@ std::optional<ExtractedFrame> FrameExtraction::Extract() {
     return result;
   }
   result.left = frame->left;
+  result.right = frame->right;
   result.front_end_ms = watch.ElapsedMs();
   CheckPair(result);
   return result;

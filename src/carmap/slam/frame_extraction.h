@@ -28,7 +28,7 @@ struct ExtractedFrame {
   uint32_t index = 0;  ///< frame number in the drive
   Timestamp timestamp;
   std::optional<GpsFix> gps;
-  cv::Mat left;  ///< as the camera gave it; empty if there are no features
+  cv::Mat left, right;  ///< as the cameras gave them; empty if there are no features
   /// Null if the frame cannot be used, or repeats an image.
   std::shared_ptr<const std::vector<Feature>> features;
   std::string unusable_because;
