@@ -45,8 +45,8 @@ double LargestDistanceM(const std::vector<AnchoredKeyframe>& anchors, const Segm
   return largest_m;
 }
 
-absl::Status CheckFit(const SegmentFit& fit, const Strain& strain, size_t matches, size_t inliers,
-                      const FitOptions& options) {
+absl::Status CheckAgreement(const SegmentFit& fit, const Strain& strain,
+                            const FitOptions& options) {
   const size_t keyframes = fit.anchors.size(), contradicting = fit.contradicting.size();
   if (static_cast<double>(contradicting) >
       options.max_contradicting_ratio * static_cast<double>(keyframes + contradicting)) {
@@ -65,6 +65,11 @@ absl::Status CheckFit(const SegmentFit& fit, const Strain& strain, size_t matche
         kStrainStretchM, strain.keyframe_idx, kStrainStretchM * strain.ratio,
         kStrainStretchM * options.max_strain));
   }
+  return absl::OkStatus();
+}
+
+absl::Status CheckSize(size_t keyframes, size_t matches, size_t inliers,
+                       const FitOptions& options) {
   if (keyframes >= options.min_anchors && inliers >= options.min_inliers &&
       static_cast<double>(inliers) >= options.min_inlier_ratio * static_cast<double>(matches)) {
     return absl::OkStatus();
@@ -148,6 +153,35 @@ std::vector<SameLandmark> NamesOf(const std::vector<MergedLandmark>& merged, con
   return names;
 }
 
+/// What both maps have, once it is known where the segment's keyframes are.
+absl::StatusOr<FittedSegment> Finish(const LeanMap& base, const ReconstructedMap& base_map,
+                                     const LeanMap& segment, const ReconstructedMap& segment_map,
+                                     const SegmentFit& fit, const FitOptions& options) {
+  const std::vector<LandmarkPair> matches =
+      MatchLandmarks(base_map, segment_map, fit, options.bend);
+  LeanMap bent = Bent(segment, segment_map, fit);
+  const std::vector<MergedLandmark> merged =
+      MergePositions(base_map, Reconstruct(bent), matches, options.bend.tracking.noise);
+  const Strain strain = LargestStrain(segment_map, fit);
+  CARMAP_RETURN_IF_ERROR(CheckAgreement(fit, strain, options));
+
+  FittedSegment fitted;
+  fitted.diff.seen_again = NamesOf(merged, base, segment);
+  fitted.diff.drive = std::move(bent);
+  fitted.report = {.segment_keyframes_overlapping = fit.anchors.size(),
+                   .segment_keyframes_contradicting = fit.contradicting.size(),
+                   .base_keyframes_overlapping = CountBaseKeyframes(base_map, merged),
+                   .matches = matches.size(),
+                   .inliers = merged.size(),
+                   .median_distance_m = MedianDistanceM(merged),
+                   .median_misfit_m = MedianMisfitM(fit),
+                   .largest_strain = strain.ratio,
+                   .scale = Scale(fit, segment)};
+  fitted.anchors = fit.anchors;
+  fitted.steps = fit.steps;
+  return fitted;
+}
+
 }  // namespace
 
 absl::StatusOr<FittedSegment> Fit(const LeanMap& base, const LeanMap& segment,
@@ -167,31 +201,22 @@ absl::StatusOr<FittedSegment> Fit(const LeanMap& base, const LeanMap& segment,
   CARMAP_RETURN_IF_ERROR(CheckOverlap(overlap, options));
 
   const SegmentFit fit = FitSegment(base_map, segment_map, overlap.best, options.bend, locator);
-  const std::vector<LandmarkPair> matches =
-      MatchLandmarks(base_map, segment_map, fit, options.bend);
-  LeanMap bent = Bent(segment, segment_map, fit);
-  const std::vector<MergedLandmark> merged =
-      MergePositions(base_map, Reconstruct(bent), matches, options.bend.tracking.noise);
-  const Strain strain = LargestStrain(segment_map, fit);
-  CARMAP_RETURN_IF_ERROR(CheckFit(fit, strain, matches.size(), merged.size(), options));
-
-  FittedSegment fitted;
-  fitted.diff.seen_again = NamesOf(merged, base, segment);
-  fitted.diff.drive = std::move(bent);
-  fitted.report = {.segment_keyframes_tried = overlap.tried,
-                   .segment_keyframes_found = overlap.found,
-                   .segment_keyframes_overlapping = fit.anchors.size(),
-                   .segment_keyframes_contradicting = fit.contradicting.size(),
-                   .base_keyframes_overlapping = CountBaseKeyframes(base_map, merged),
-                   .matches = matches.size(),
-                   .inliers = merged.size(),
-                   .median_distance_m = MedianDistanceM(merged),
-                   .median_misfit_m = MedianMisfitM(fit),
-                   .largest_strain = strain.ratio,
-                   .scale = Scale(fit, segment)};
-  fitted.anchors = fit.anchors;
-  fitted.steps = fit.steps;
+  CARMAP_ASSIGN_OR_RETURN(FittedSegment fitted,
+                          Finish(base, base_map, segment, segment_map, fit, options));
+  FitReport& report = fitted.report;
+  report.segment_keyframes_tried = overlap.tried;
+  report.segment_keyframes_found = overlap.found;
+  CARMAP_RETURN_IF_ERROR(CheckSize(fit.anchors.size(), report.matches, report.inliers, options));
   return fitted;
+}
+
+absl::StatusOr<FittedSegment> FitLocalized(const LeanMap& base, const ReconstructedMap& base_map,
+                                           const LeanMap& segment,
+                                           std::vector<AnchoredKeyframe> anchors,
+                                           const FitOptions& options) {
+  const ReconstructedMap segment_map = Reconstruct(segment, base_map.focal_length_px);
+  const SegmentFit fit = FitLocalized(segment_map, std::move(anchors), options.bend);
+  return Finish(base, base_map, segment, segment_map, fit, options);
 }
 
 }  // namespace carmap

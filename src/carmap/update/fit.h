@@ -58,4 +58,12 @@ struct FittedSegment {
 absl::StatusOr<FittedSegment> Fit(const LeanMap& base, const LeanMap& segment,
                                   const FitOptions& options = {});
 
+/// The same of a segment whose drive was localized in the base: where its anchors put it.
+/// `base_map` is `base` rebuilt for the segment's focal length. Errors: FailedPrecondition (the
+/// anchors contradict each other, with figures).
+absl::StatusOr<FittedSegment> FitLocalized(const LeanMap& base, const ReconstructedMap& base_map,
+                                           const LeanMap& segment,
+                                           std::vector<AnchoredKeyframe> anchors,
+                                           const FitOptions& options = {});
+
 }  // namespace carmap

@@ -267,6 +267,16 @@ void FindMoreAnchors(const SegmentLinks& links, const AnchorSearch& search,
   }
 }
 
+/// Those that hold from those that the others contradict.
+void SplitAnchors(const BendOptions& options, SegmentFit& fit) {
+  const auto contradicting = std::stable_partition(
+      fit.anchors.begin(), fit.anchors.end(),
+      [&](const AnchoredKeyframe& anchor) { return anchor.weight >= options.min_weight; });
+  fit.contradicting.assign(std::make_move_iterator(contradicting),
+                           std::make_move_iterator(fit.anchors.end()));
+  fit.anchors.erase(contradicting, fit.anchors.end());
+}
+
 }  // namespace
 
 std::vector<DriveStep> StepsOf(const ReconstructedMap& map) {
@@ -290,6 +300,24 @@ std::vector<DriveStep> StepsOf(const ReconstructedMap& map) {
   return steps;
 }
 
+SegmentFit FitLocalized(const ReconstructedMap& segment, std::vector<AnchoredKeyframe> anchors,
+                        const BendOptions& options) {
+  SegmentFit fit;
+  auto nearest = anchors.begin();
+  for (uint32_t i = 0; i < segment.snapshot.keyframes.size(); ++i) {
+    while (std::next(nearest) != anchors.end() && std::next(nearest)->keyframe_idx <= i) ++nearest;
+    const Rigid3& segment_from_anchor =
+        segment.snapshot.keyframes[nearest->keyframe_idx].map_from_camera;
+    fit.base_from_camera.push_back(nearest->base_from_camera * segment_from_anchor.Inverse() *
+                                   segment.snapshot.keyframes[i].map_from_camera);
+  }
+  fit.anchors = std::move(anchors);
+  fit.steps = StepsOf(segment);
+  Bend(segment, options, fit);
+  SplitAnchors(options, fit);
+  return fit;
+}
+
 SegmentFit FitSegment(const ReconstructedMap& base, const ReconstructedMap& segment,
                       const LocatedKeyframe& start, const BendOptions& options,
                       KeyframeLocator& locator) {
@@ -303,12 +331,7 @@ SegmentFit FitSegment(const ReconstructedMap& base, const ReconstructedMap& segm
             [](const AnchoredKeyframe& a, const AnchoredKeyframe& b) {
               return a.keyframe_idx < b.keyframe_idx;
             });
-  const auto contradicting = std::stable_partition(
-      fit.anchors.begin(), fit.anchors.end(),
-      [&](const AnchoredKeyframe& anchor) { return anchor.weight >= options.min_weight; });
-  fit.contradicting.assign(std::make_move_iterator(contradicting),
-                           std::make_move_iterator(fit.anchors.end()));
-  fit.anchors.erase(contradicting, fit.anchors.end());
+  SplitAnchors(options, fit);
   return fit;
 }
 

@@ -79,6 +79,11 @@ SegmentFit FitSegment(const ReconstructedMap& base, const ReconstructedMap& segm
                       const LocatedKeyframe& start, const BendOptions& options,
                       KeyframeLocator& locator);
 
+/// The same of a segment whose drive was localized in the base, so that nothing is searched for:
+/// `anchors` ascending by keyframe, at least one.
+SegmentFit FitLocalized(const ReconstructedMap& segment, std::vector<AnchoredKeyframe> anchors,
+                        const BendOptions& options);
+
 /// Of all stretches the one that the fit changes most. A drive's own map is right to a few percent
 /// there: more means that the fit is wrong, or one of the maps.
 Strain LargestStrain(const ReconstructedMap& segment, const SegmentFit& fit);
