@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
@@ -18,6 +19,7 @@
 #include "carmap/ingest/candidate_tiles.h"
 #include "carmap/ingest/changes.h"
 #include "carmap/ingest/journal.h"
+#include "carmap/ingest/pass_memory.h"
 #include "carmap/ingest/pose_constraints.h"
 #include "carmap/map/by_id.h"
 
@@ -28,7 +30,7 @@ namespace {
 absl::Status Admit(const LeanMap& segment, std::optional<uint32_t> part, const BaseMap& base,
                    const ContributeOptions& options) {
   CARMAP_RETURN_IF_ERROR(CheckConsistency(segment));
-  if (segment.landmarks.empty()) {
+  if (segment.landmarks.empty() && !part) {
     return absl::InvalidArgumentError("the map has no landmarks; map a longer drive");
   }
   for (const LeanDrive& drive : segment.drives) {
@@ -99,9 +101,9 @@ std::optional<Rigid3> EcefFromMap(const LeanMap& map, const GpsOptions& options)
 }
 
 /// Fits the segment to these tiles, and then to all tiles along the way that this tells.
-absl::StatusOr<Placed> Place(const Segment& segment, const CandidateTiles& candidate,
-                             const Changes& changes, const BaseMap& base,
-                             const ContributeOptions& options) {
+absl::StatusOr<Placed> PlaceIn(const Segment& segment, const CandidateTiles& candidate,
+                               const Changes& changes, const BaseMap& base,
+                               const ContributeOptions& options) {
   constexpr int kMaxViews = 4;
   const uint64_t frame_cell = candidate.tiles.front().cell;
   std::vector<TileId> tiles = candidate.tiles;
@@ -194,6 +196,26 @@ class Contributor {
   /// A segment, which is to be fitted.
   absl::StatusOr<Contribution> Run(const std::string& name) {
     Begin(name);
+    CARMAP_RETURN_IF_ERROR(Place());
+    return CommitAll();
+  }
+
+  /// A diff, of which the segment is the drive's part.
+  absl::StatusOr<Contribution> RunDiff(const std::string& name, const MapDiff& diff) {
+    Begin(name);
+    part_ = diff.part;
+    CARMAP_RETURN_IF_ERROR(TakeSightings(diff.sightings));
+    if (diff.is_placed()) {
+      CARMAP_RETURN_IF_ERROR(TakeDiff(diff));
+    } else {
+      CARMAP_RETURN_IF_ERROR(Place());
+    }
+    return CommitAll();
+  }
+
+ private:
+  /// Fits the segment, or makes a component of it.
+  absl::Status Place() {
     CARMAP_ASSIGN_OR_RETURN(const std::vector<CandidateTiles> candidates, Candidates());
     ecef_from_segment_ = EcefFromMap(segment_, options_.gps);
     absl::Status contradiction;
@@ -207,17 +229,12 @@ class Contributor {
         CARMAP_RETURN_IF_ERROR(status);
       }
     }
-    if (!is_placed()) {
-      CARMAP_RETURN_IF_ERROR(contradiction);
-      CARMAP_RETURN_IF_ERROR(BeginComponent());
-    }
-    return CommitAll();
+    if (is_placed()) return absl::OkStatus();
+    CARMAP_RETURN_IF_ERROR(contradiction);
+    return BeginComponent();
   }
 
-  /// A diff, of which the segment is the drive's part.
-  absl::StatusOr<Contribution> RunDiff(const std::string& name, const MapDiff& diff) {
-    Begin(name);
-    part_ = diff.part;
+  absl::Status TakeDiff(const MapDiff& diff) {
     CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, base_.Components());
     const auto component =
         std::find_if(components.begin(), components.end(),
@@ -236,12 +253,12 @@ class Contributor {
     MapDiff in_view = diff;
     in_view.drive = Moved(diff.drive, view.root_from_view().Inverse() * root_from_tile);
     constraints_ = ConstraintsOf(in_view, view.map());
-    CARMAP_RETURN_IF_ERROR(
-        TakeSegment(*component, {std::move(view), {.diff = std::move(in_view)}}));
-    return CommitAll();
+    made_.component = component->id;
+    if (diff.drive.landmarks.empty()) return absl::OkStatus();
+    for (const LeanLandmark& landmark : diff.drive.landmarks) news_.insert(landmark.id);
+    return TakeSegment(*component, {std::move(view), {.diff = std::move(in_view)}});
   }
 
- private:
   void Begin(const std::string& name) {
     made_.name = name;
     for (const LeanDrive& drive : segment_.drives) made_.drives.push_back(drive.id);
@@ -267,7 +284,7 @@ class Contributor {
   /// The first component that the segment fits takes it, unless it lies nowhere on the Earth and
   /// the segment does: then it becomes part of the segment's own.
   absl::Status FitTo(const CandidateTiles& candidate) {
-    auto placed = Place({segment_, ecef_from_segment_}, candidate, changes_, base_, options_);
+    auto placed = PlaceIn({segment_, ecef_from_segment_}, candidate, changes_, base_, options_);
     if (absl::IsNotFound(placed.status())) return absl::OkStatus();
     CARMAP_RETURN_IF_ERROR(placed.status());
     if (!candidate.component.grid.is_on_earth && ecef_from_segment_) {
@@ -289,8 +306,11 @@ class Contributor {
 
   /// What the component's map becomes by what was placed in it.
   absl::StatusOr<LeanMap> Take(const Component& component, const Placed& placed) {
-    CARMAP_ASSIGN_OR_RETURN(LeanMap merged,
-                            Apply(placed.fitted.diff, placed.view.map(), options_.apply));
+    ApplyOptions apply = options_.apply;
+    // What only shows news does not show that anything else must go.
+    constexpr double kAnyGrowth = 1e6;
+    if (placed.fitted.diff.seen_again.empty()) apply.max_growth = kAnyGrowth;
+    CARMAP_ASSIGN_OR_RETURN(LeanMap merged, Apply(placed.fitted.diff, placed.view.map(), apply));
     CARMAP_RETURN_IF_ERROR(changes_.Replace(component, placed.view, merged));
     return merged;
   }
@@ -302,6 +322,9 @@ class Contributor {
     made_.keyframes_added = after.keyframes.size() - before.keyframes.size();
     made_.landmarks_added = CountMissing(after.landmarks, before.landmarks);
     made_.landmarks_replaced = CountMissing(before.landmarks, after.landmarks);
+    for (const SameLandmark& same : placed.fitted.diff.seen_again) {
+      outcomes_.try_emplace(same.in_base, Sighting::kSeen);
+    }
     return absl::OkStatus();
   }
 
@@ -309,7 +332,7 @@ class Contributor {
   absl::Status Join(const CandidateTiles& candidate) {
     if (candidate.component.id == made_.component) return absl::OkStatus();
     const auto touches =
-        Place({segment_, ecef_from_segment_}, candidate, changes_, base_, options_);
+        PlaceIn({segment_, ecef_from_segment_}, candidate, changes_, base_, options_);
     if (absl::IsNotFound(touches.status())) return absl::OkStatus();
     CARMAP_RETURN_IF_ERROR(touches.status());
     return Absorb(candidate.component);
@@ -324,7 +347,7 @@ class Contributor {
     for (const auto& tile : changes_.Changed()) {
       if (tile->id.component == own.id) around.push_back(tile->id);
     }
-    auto placed = Place({whole.map(), std::nullopt}, {own, around}, changes_, base_, options_);
+    auto placed = PlaceIn({whole.map(), std::nullopt}, {own, around}, changes_, base_, options_);
     if (!placed.ok()) {
       return absl::FailedPreconditionError(
           fmt::format("components {} and {} do not fit each other: {}", made_.component, other.id,
@@ -364,8 +387,56 @@ class Contributor {
     return absl::OkStatus();
   }
 
+  /// What the drive says of landmarks, whatever became of their tiles since.
+  absl::Status TakeSightings(const std::vector<TileSightings>& sightings) {
+    for (const TileSightings& seen : sightings) {
+      tiles_seen_.insert(seen.tile);
+      CARMAP_ASSIGN_OR_RETURN(const auto landmarks,
+                              LandmarksOfVersion(seen.tile, seen.version, base_));
+      if (!landmarks || landmarks->size() != seen.of_landmarks.size()) {
+        ++made_.sightings_ignored;
+        continue;
+      }
+      for (size_t i = 0; i < landmarks->size(); ++i) {
+        const Sighting outcome = seen.of_landmarks[i];
+        if (outcome != Sighting::kNone) outcomes_[(*landmarks)[i]] = outcome;
+        made_.seen += outcome == Sighting::kSeen;
+        made_.missed += outcome == Sighting::kMissed;
+        made_.seen_through += outcome == Sighting::kSeenThrough;
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  /// Unix time of the drive's pass; where it is not known, now.
+  int64_t PassTimeS() const {
+    const LeanDrive& drive = segment_.drives.front();
+    if (!drive.unix_start || segment_.keyframes.empty()) return absl::ToUnixSeconds(absl::Now());
+    return static_cast<int64_t>(drive.unix_start->seconds() +
+                                segment_.keyframes.front().timestamp.seconds());
+  }
+
+  /// The drive's pass joins the others of the tiles that it saw, and what is gone by them goes.
+  absl::Status Remember(Commit& commit) {
+    for (const auto& tile : changes_.Changed()) tiles_seen_.insert(tile->id);
+    if (tiles_seen_.empty() || segment_.drives.empty()) return absl::OkStatus();
+    PassMemory memory(changes_, base_, options_.persistence);
+    CARMAP_RETURN_IF_ERROR(memory.Load({tiles_seen_.begin(), tiles_seen_.end()}));
+    memory.AddPass(segment_.drives.front().id, PassTimeS(), outcomes_,
+                   {options_.light_m, options_.light_prior});
+    memory.AddNews(news_);
+    CARMAP_ASSIGN_OR_RETURN(const PassConsequences consequences, memory.Draw(changes_));
+    made_.landmarks_vanished = consequences.vanished;
+    made_.landmarks_confirmed = consequences.confirmed;
+    made_.landmarks_refuted = consequences.refuted;
+    made_.landmarks_returned = consequences.returned;
+    memory.AddTo(commit);
+    return absl::OkStatus();
+  }
+
   absl::StatusOr<Contribution> CommitAll() {
     Commit commit;
+    CARMAP_RETURN_IF_ERROR(Remember(commit));
     CARMAP_RETURN_IF_ERROR(changes_.AddTo(DefaultVocabulary(), commit));
     if (new_component_) {
       commit.components.emplace_back(new_component_->id, EncodeComponent(*new_component_));
@@ -373,11 +444,12 @@ class Contributor {
     for (const uint32_t joined : made_.joined) commit.components.emplace_back(joined, "");
     made_.tiles = VersionsAfter(commit);
     made_.patch_bytes = PatchBytesOf(commit);
+    CARMAP_ASSIGN_OR_RETURN(std::string constraints, EncodeConstraints(constraints_));
+    made_.constraint_bytes = constraints.size();
     for (const DriveId& drive : made_.drives) {
-      commit.contributions.emplace_back(part_ ? KeyOf(drive, *part_) : KeyOf(drive), "");
+      commit.contributions.emplace_back(part_ ? KeyOf(drive, *part_) : KeyOf(drive),
+                                        std::exchange(constraints, {}));
     }
-    CARMAP_ASSIGN_OR_RETURN(commit.contributions.front().second, EncodeConstraints(constraints_));
-    made_.constraint_bytes = commit.contributions.front().second.size();
     commit.journal_text = ToJournal(made_);
     CARMAP_ASSIGN_OR_RETURN(made_.sequence, base_.Apply(commit));
     return made_;
@@ -392,7 +464,16 @@ class Contributor {
   std::optional<uint32_t> part_;             ///< of a diff
   Contribution made_;
   PoseConstraints constraints_;
+  std::map<LandmarkId, Sighting> outcomes_;  ///< of landmarks of the base, by the drive
+  std::set<TileId> tiles_seen_;
+  std::set<LandmarkId> news_;  ///< of a diff
 };
+
+/// Others committed to the same tiles, or to what is remembered of them: admitted, what is there
+/// under its key is no part of the drive.
+bool IsOvertaken(const absl::Status& status) {
+  return absl::IsAborted(status) || absl::IsAlreadyExists(status);
+}
 
 }  // namespace
 
@@ -401,7 +482,7 @@ absl::StatusOr<Contribution> Contribute(const LeanMap& segment, const std::strin
   CARMAP_RETURN_IF_ERROR(Admit(segment, std::nullopt, base, options));
   for (int attempt = 1;; ++attempt) {
     auto made = Contributor(segment, base, options).Run(name);
-    if (!absl::IsAborted(made.status()) || attempt == options.max_attempts) return made;
+    if (!IsOvertaken(made.status()) || attempt == options.max_attempts) return made;
   }
 }
 
@@ -410,7 +491,7 @@ absl::StatusOr<Contribution> Contribute(const MapDiff& diff, const std::string& 
   CARMAP_RETURN_IF_ERROR(Admit(diff.drive, diff.part, base, options));
   for (int attempt = 1;; ++attempt) {
     auto made = Contributor(diff.drive, base, options).RunDiff(name, diff);
-    if (!absl::IsAborted(made.status()) || attempt == options.max_attempts) return made;
+    if (!IsOvertaken(made.status()) || attempt == options.max_attempts) return made;
   }
 }
 

@@ -18,6 +18,7 @@
 #include "carmap/slam/georeference_map.h"
 #include "carmap/update/apply_diff.h"
 #include "carmap/update/fit.h"
+#include "carmap/update/persistence.h"
 
 namespace carmap {
 
@@ -29,6 +30,10 @@ struct ContributeOptions {
   double radius_m = 60;         ///< tiles so near to the segment are looked at
   size_t max_word_tiles = 6;    ///< that are looked at where no fix tells
   int max_attempts = 3;         ///< to commit, when others commit to the same tiles
+  PersistenceOptions persistence;
+  /// Within that radius landmarks are recognised alike in one pass; the whole pass counts like so
+  /// many landmarks more.
+  double light_m = 12, light_prior = 10;
 };
 
 /// What became of a segment.
@@ -44,11 +49,18 @@ struct Contribution {
   std::optional<FitReport> fit;  ///< absent for a new component
   /// Between the segment's fixes and where it was fitted on the Earth, horizontally, the median.
   std::optional<double> gps_offset_m;
-  size_t keyframes = 0;            ///< of the segment
-  size_t landmarks = 0;            ///< of the segment
-  size_t keyframes_added = 0;      ///< the others stand where the base has one
-  size_t landmarks_added = 0;      ///< the others were there, or found no place
-  size_t landmarks_replaced = 0;   ///< of the base, that made way
+  size_t keyframes = 0;                           ///< of the segment
+  size_t landmarks = 0;                           ///< of the segment
+  size_t keyframes_added = 0;                     ///< the others stand where the base has one
+  size_t landmarks_added = 0;                     ///< the others were there, or found no place
+  size_t landmarks_replaced = 0;                  ///< of the base, that made way
+  size_t seen = 0, missed = 0, seen_through = 0;  ///< landmarks of the base, by the drive
+  /// Tiles of which the drive saw something, but in a version that the base can no longer tell.
+  size_t sightings_ignored = 0;
+  size_t landmarks_confirmed = 0;  ///< that one drive alone had told of
+  size_t landmarks_refuted = 0;    ///< the same, but no other drive saw them: they go
+  size_t landmarks_returned = 0;   ///< of those added: they were there before, and had vanished
+  size_t landmarks_vanished = 0;   ///< that are gone, by this drive and others before
   std::vector<TileVersion> tiles;  ///< that changed, and to which version
   uint64_t patch_bytes = 0;        ///< that vehicles will fetch for it
   uint64_t constraint_bytes = 0;   ///< of what it measured of poses, which stays at the base
@@ -63,8 +75,10 @@ absl::StatusOr<Contribution> Contribute(const LeanMap& segment, const std::strin
                                         BaseMap& base, const ContributeOptions& options = {});
 
 /// Adds what a drive proposes that was localized in the base, so that nothing is searched for: a
-/// diff in the frame of one of the base's tiles. Errors: as of Contribute; AlreadyExists for this
-/// part of the drive; FailedPrecondition for a frame that the base does not have.
+/// diff in the frame of one of the base's tiles; or a segment that is a part of a drive, which is
+/// fitted. What it saw and missed counts as a pass; landmarks that are gone by this and other
+/// drives' passes go. Errors: as of Contribute; AlreadyExists for this part of the drive;
+/// FailedPrecondition for a frame that the base does not have.
 absl::StatusOr<Contribution> Contribute(const MapDiff& diff, const std::string& name, BaseMap& base,
                                         const ContributeOptions& options = {});
 

@@ -12,6 +12,7 @@
 
 #include "carmap/base/status_macros.h"
 #include "carmap/format/tile_codec.h"
+#include "carmap/ingest/evidence.h"
 #include "carmap/ingest/journal.h"
 
 namespace carmap {
@@ -96,6 +97,18 @@ absl::Status TellPatches(const TileId& tile, const std::string& drive, uint32_t 
   return absl::OkStatus();
 }
 
+/// What drives that passed saw of it.
+absl::Status TellPasses(TileId tile, LandmarkId landmark, const BaseMap& base,
+                        std::vector<std::string>& lines) {
+  CARMAP_ASSIGN_OR_RETURN(const StoredEvidence stored, ReadEvidence(base.reader(), tile));
+  const TileEvidence::Counts counts = stored.evidence.CountsOf(landmark);
+  lines.push_back(fmt::format(
+      "passes        {} seen, {} missed, {} seen through, of {} in its tile{}", counts.seen,
+      counts.missed, counts.seen_through, stored.evidence.pass_count(),
+      stored.evidence.IsAwaited(landmark) ? "; one drive alone has seen it so far" : ""));
+  return absl::OkStatus();
+}
+
 absl::StatusOr<std::vector<std::string>> ExplainLandmark(const std::string& drive, uint32_t index,
                                                          const BaseMap& base) {
   CARMAP_ASSIGN_OR_RETURN(std::vector<LoggedChange> log, ReadLog(base.reader()));
@@ -116,6 +129,7 @@ absl::StatusOr<std::vector<std::string>> ExplainLandmark(const std::string& driv
       CARMAP_ASSIGN_OR_RETURN(const auto tile, base.Read(version.tile));
       if (const LeanLandmark* landmark = tile ? Find(tile->map, drive, index) : nullptr) {
         TellNow(tile->map, *landmark, now);
+        CARMAP_RETURN_IF_ERROR(TellPasses(version.tile, landmark->id, base, now));
       }
     }
     CARMAP_RETURN_IF_ERROR(TellPatches(version.tile, drive, index, history, base, before));

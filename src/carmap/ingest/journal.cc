@@ -46,7 +46,8 @@ std::string ToJournal(const LoggedChange& change) {
                                  {"drives", change.drives},
                                  {"component", change.component},
                                  {"keyframes_added", change.keyframes_added},
-                                 {"landmarks_added", change.landmarks_added}};
+                                 {"landmarks_added", change.landmarks_added},
+                                 {"landmarks_vanished", change.landmarks_vanished}};
   json["tiles"] = nlohmann::ordered_json::array();
   for (const TileVersion& tile : change.tiles) json["tiles"].push_back(ToJson(tile));
   // Names of files may be in any encoding.
@@ -60,6 +61,7 @@ std::string ToJournal(const Contribution& contribution) {
                       .component = contribution.component,
                       .keyframes_added = contribution.keyframes_added,
                       .landmarks_added = contribution.landmarks_added,
+                      .landmarks_vanished = contribution.landmarks_vanished,
                       .tiles = contribution.tiles};
   for (const DriveId& drive : contribution.drives) change.drives.push_back(ToHex(drive));
   return ToJournal(change);
@@ -76,6 +78,7 @@ absl::StatusOr<LoggedChange> FromJournal(const JournalEntry& entry) {
     change.component = json.at("component");
     change.keyframes_added = json.at("keyframes_added");
     change.landmarks_added = json.at("landmarks_added");
+    change.landmarks_vanished = json.value("landmarks_vanished", size_t{0});
     for (const auto& tile : json.at("tiles")) {
       TileVersion version;
       version.tile.component = tile.at("component");

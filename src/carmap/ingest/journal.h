@@ -35,7 +35,7 @@ struct LoggedChange {
   std::string name;  ///< what was added
   std::vector<std::string> drives;
   uint32_t component = 0;
-  size_t keyframes_added = 0, landmarks_added = 0;
+  size_t keyframes_added = 0, landmarks_added = 0, landmarks_vanished = 0;
   std::vector<TileVersion> tiles;
 };
 

@@ -13,6 +13,7 @@
 #include "carmap/feature/default_vocabulary.h"
 #include "carmap/format/tile_codec.h"
 #include "carmap/ingest/changes.h"
+#include "carmap/ingest/evidence.h"
 #include "carmap/ingest/journal.h"
 #include "carmap/map/by_id.h"
 
@@ -293,6 +294,22 @@ absl::Status TakeBack(const LoggedChange& added, const std::vector<LoggedChange>
   return absl::OkStatus();
 }
 
+/// What these drives saw and missed counts no longer.
+absl::Status ForgetPasses(const std::set<std::string>& drives, const BaseMap& base,
+                          Commit& commit) {
+  std::vector<TileId> tiles;
+  CARMAP_RETURN_IF_ERROR(VisitEvidence(base.reader(), [&](TileId tile) { tiles.push_back(tile); }));
+  for (const TileId& tile : tiles) {
+    CARMAP_ASSIGN_OR_RETURN(const StoredEvidence stored, ReadEvidence(base.reader(), tile));
+    TileEvidence without = stored.evidence;
+    for (const DriveId& drive : stored.evidence.Drives()) {
+      if (drives.contains(ToHex(drive))) without.RemovePass(drive);
+    }
+    if (!(without == stored.evidence)) ReplaceEvidence(tile, stored.revision, without, commit);
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<Reversion> Revert(const std::string& drive, BaseMap& base) {
@@ -318,6 +335,7 @@ absl::StatusOr<Reversion> Revert(const std::string& drive, BaseMap& base) {
                      .component = added.front().component};
   entry.tiles = VersionsAfter(commit);
   CARMAP_ASSIGN_OR_RETURN(commit.withdrawn, KeysOf(drives, base));
+  CARMAP_RETURN_IF_ERROR(ForgetPasses(drives, base, commit));
   // A component of which nothing is left goes.
   for (const LoggedChange& change : added) {
     CARMAP_ASSIGN_OR_RETURN(const bool is_left, HasTilesLeft(change.component, entry.tiles, base));

@@ -13,11 +13,17 @@ ViewFollower::ViewFollower(const BaseMap& base, double focal_length_px,
                            std::shared_ptr<const Vocabulary> vocabulary,
                            const FollowerOptions& options)
     : base_(base),
+      tiles_(base),
       focal_length_px_(focal_length_px),
       vocabulary_(std::move(vocabulary)),
       options_(options),
       view_(MapView({.is_on_earth = false}, 0, {})),
       map_(view_->Rebuild(focal_length_px)) {}
+
+void ViewFollower::Take(Patch patch) {
+  is_stale_ |= component_ && patch.tile.component == component_->id;
+  tiles_.Add(std::move(patch));
+}
 
 absl::StatusOr<ViewFollower::Change> ViewFollower::Follow(
     const std::optional<Rigid3>& view_from_camera, const std::optional<GpsFix>& gps,
@@ -32,10 +38,10 @@ absl::StatusOr<ViewFollower::Change> ViewFollower::Follow(
 absl::StatusOr<ViewFollower::Change> ViewFollower::FollowPose(const Rigid3& view_from_camera) {
   const Eigen::Vector3d p_in_root = view_->root_from_view() * view_from_camera.translation;
   CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> needed,
-                          TilesNear(base_.reader(), *component_, {p_in_root}, options_.needed_m));
-  if (HasAll(needed)) return Change::kNone;
+                          tiles_.Near(*component_, {p_in_root}, options_.needed_m));
+  if (HasAll(needed) && !std::exchange(is_stale_, false)) return Change::kNone;
   CARMAP_ASSIGN_OR_RETURN(const std::vector<TileId> around,
-                          TilesNear(base_.reader(), *component_, {p_in_root}, options_.loaded_m));
+                          tiles_.Near(*component_, {p_in_root}, options_.loaded_m));
   CARMAP_RETURN_IF_ERROR(Load(*component_, view_->frame_cell(), around));
   return Change::kTiles;
 }
@@ -54,7 +60,7 @@ absl::StatusOr<ViewFollower::Change> ViewFollower::LookAround(
   if (candidates.empty()) return Change::kNone;
   const CandidateTiles& candidate = candidates[next_candidate_++ % candidates.size()];
   const bool stays = component_ && component_->id == candidate.component.id;
-  if (stays && HasAll(candidate.tiles)) return Change::kNone;
+  if (stays && HasAll(candidate.tiles) && !std::exchange(is_stale_, false)) return Change::kNone;
   const uint64_t frame_cell = stays ? view_->frame_cell() : candidate.tiles.front().cell;
   if (!stays) used_.clear();
   CARMAP_RETURN_IF_ERROR(Load(candidate.component, frame_cell, candidate.tiles));
@@ -84,7 +90,7 @@ absl::Status ViewFollower::Load(const Component& component, uint64_t frame_cell,
   std::vector<std::shared_ptr<const Tile>> there;
   loaded_.clear();
   for (const TileId& id : tiles) {
-    auto tile = base_.Read(id);
+    auto tile = tiles_.Read(id);
     if (absl::IsDataLoss(tile.status())) {
       if (unreadable_.insert(id).second) damaged_.emplace_back(tile.status().message());
       continue;
@@ -103,7 +109,7 @@ absl::Status ViewFollower::Load(const Component& component, uint64_t frame_cell,
 absl::StatusOr<MapView> ViewFollower::Used() const {
   std::vector<std::shared_ptr<const Tile>> tiles;
   for (const TileId& id : used_) {
-    CARMAP_ASSIGN_OR_RETURN(auto tile, base_.Read(id));
+    CARMAP_ASSIGN_OR_RETURN(auto tile, tiles_.Read(id));
     if (tile) tiles.push_back(std::move(tile));
   }
   return MapView(view_->grid(), view_->frame_cell(), std::move(tiles));

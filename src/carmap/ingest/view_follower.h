@@ -25,6 +25,8 @@
 #include "carmap/index/reconstruct.h"
 #include "carmap/ingest/base_map.h"
 #include "carmap/ingest/candidate_tiles.h"
+#include "carmap/ingest/patched_tiles.h"
+#include "carmap/map/tile.h"
 
 namespace carmap {
 
@@ -43,6 +45,9 @@ class ViewFollower {
 
   enum class Change { kNone, kTiles, kComponent };
 
+  /// What became of tiles since the base was opened; shows from the next frame on.
+  void Take(Patch patch);
+
   /// Before each frame: where the vehicle is in the view, if it knows, its fix and what it sees.
   /// After kTiles the map is another one in the same frame; after kComponent poses before mean
   /// nothing. Errors: those of the store that are not about a tile.
@@ -59,6 +64,9 @@ class ViewFollower {
   /// Tiles that cannot be read, each with the reason; the vehicle does without them.
   const std::vector<std::string>& damaged() const { return damaged_; }
   uint64_t tiles_read() const { return used_.size(); }
+  /// Patches that were applied, and those that could not be, a line each.
+  size_t patches_applied() const { return tiles_.applied(); }
+  const std::vector<std::string>& patch_faults() const { return tiles_.faults(); }
 
  private:
   absl::StatusOr<std::vector<CandidateTiles>> Candidates(
@@ -72,6 +80,7 @@ class ViewFollower {
                     const std::vector<TileId>& tiles);
 
   const BaseMap& base_;
+  PatchedTiles tiles_;
   const double focal_length_px_;
   const std::shared_ptr<const Vocabulary> vocabulary_;
   const FollowerOptions options_;
@@ -79,6 +88,7 @@ class ViewFollower {
   std::optional<MapView> view_;  ///< never empty
   std::shared_ptr<const ReconstructedMap> map_;
   std::set<TileId> loaded_, used_, unreadable_;
+  bool is_stale_ = false;  ///< patches came of tiles that are loaded
   std::vector<std::string> damaged_;
   size_t lost_frames_ = 0;  ///< in this component, since it was chosen
   size_t next_candidate_ = 0;

@@ -100,6 +100,8 @@ class MapReader {
       std::string_view prefix,
       const std::function<absl::Status(std::string_view key, std::string_view value)>& visit)
       const = 0;
+  /// Of the journal's newest entry; 0 before the first.
+  virtual absl::StatusOr<uint64_t> Sequence() const = 0;
   /// Entries from `first_sequence` on, ascending, at most `max_count`.
   virtual absl::StatusOr<std::vector<JournalEntry>> ReadJournal(uint64_t first_sequence,
                                                                 size_t max_count) const = 0;

@@ -111,6 +111,7 @@ class MemorySnapshot final : public MapReader {
     return absl::OkStatus();
   }
 
+  absl::StatusOr<uint64_t> Sequence() const override { return state_->journal.size(); }
   absl::StatusOr<std::vector<JournalEntry>> ReadJournal(uint64_t first_sequence,
                                                         size_t max_count) const override {
     std::vector<JournalEntry> entries;

@@ -43,7 +43,7 @@ class RocksReader final : public MapReader {
 
   absl::StatusOr<uint32_t> Format() const;
   /// Of the newest commit.
-  absl::StatusOr<uint64_t> Sequence() const;
+  absl::StatusOr<uint64_t> Sequence() const override;
   /// Version 0 if there never was such a tile.
   absl::StatusOr<TileVersion> FindTile(TileId tile) const;
   absl::StatusOr<bool> HasContribution(std::string_view key) const;

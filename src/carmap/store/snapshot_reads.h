@@ -46,6 +46,7 @@ class SnapshotReads : public MapStore {
       const std::function<absl::Status(std::string_view, std::string_view)>& visit) const override {
     return Snapshot()->VisitContributions(prefix, visit);
   }
+  absl::StatusOr<uint64_t> Sequence() const override { return Snapshot()->Sequence(); }
   absl::StatusOr<std::vector<JournalEntry>> ReadJournal(uint64_t first_sequence,
                                                         size_t max_count) const override {
     return Snapshot()->ReadJournal(first_sequence, max_count);
