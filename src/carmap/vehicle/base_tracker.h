@@ -85,6 +85,8 @@ class BaseTracker {
   /// ones. The pose stays, so that no frame is lost.
   void Swap(std::shared_ptr<const ReconstructedMap> base);
 
+  const std::shared_ptr<const ReconstructedMap>& base() const { return base_; }
+
   /// Frames in the order of time; `own` is what the drive's own map made of it.
   VehiclePose Take(const ExtractedFrame& frame, const TrackedFrame& own);
 
