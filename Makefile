@@ -4,7 +4,7 @@ FUZZ_SECONDS ?= 60
 export CMAKE_BUILD_PARALLEL_LEVEL := $(JOBS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test bench evaluate evaluate-localization evaluate-slam evaluate-stitching signature \
+.PHONY: help setup build demo test bench evaluate evaluate-localization evaluate-slam evaluate-stitching evaluate-forgetting signature \
   vocabulary segmenter lint format asan tsan fuzz clean
 
 help:  ## list these commands
@@ -41,6 +41,8 @@ evaluate-localization: build  ## localization by traffic, lane and light, simula
 
 evaluate-stitching: build  ## stitching beside the ways of the paper's peers, simulated [EXPERIMENTS="lanes overlap"]
 	@scripts/evaluate_stitching.sh $(EXPERIMENTS)
+evaluate-forgetting: build  ## what a base learns and forgets of streets that change, simulated [SCENES="suburb downtown"]
+	@scripts/evaluate_forgetting.sh $(SCENES)
 
 evaluate-slam: build  ## loops and errors of drives simulated along KITTI paths [PATHS="07 06"]
 	@scripts/evaluate_slam.sh $(PATHS)

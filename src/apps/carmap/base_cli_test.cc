@@ -244,5 +244,80 @@ TEST_F(BaseCliTest, LosesNothingWhenItIsKilled) {
   }
 }
 
+TEST_F(BaseCliTest, ADrivePublishesWhatItSawAndTheBaseTakesItOnce) {
+  ASSERT_EQ(Run({"base", "add", "town.base", "../monday.cmap", "../tuesday.cmap"}).exit_code, 0);
+  const Result driven =
+      Run({"drive", Drive(1), "--base", "town.base", "--out", "parts", "--report", "r.json"});
+  ASSERT_EQ(driven.exit_code, 0) << driven.err;
+  const auto report = nlohmann::json::parse(Read(root_ / "work" / "r.json"));
+  ASSERT_EQ(report["parts"].size(), 1u);
+  EXPECT_EQ(report["parts"][0]["kind"], "diff");
+  EXPECT_GT(report["parts"][0]["seen"], 50);
+  EXPECT_LT(report["parts"][0]["landmarks"], 20) << "nothing is new to it";
+  std::string part;
+  for (const auto& file : fs::directory_iterator(root_ / "work" / "parts")) {
+    part = file.path().string();
+    EXPECT_EQ(file.path().extension(), ".cmdiff");
+  }
+  const Result added = Run({"base", "add", "town.base", part, "--report", "a.json"});
+  ASSERT_EQ(added.exit_code, 0) << added.err;
+  EXPECT_THAT(added.out, HasSubstr("passes by"));
+  const auto taken = nlohmann::json::parse(Read(root_ / "work" / "a.json"))["added"][0];
+  EXPECT_EQ(taken["seen"], report["parts"][0]["seen"]);
+  EXPECT_EQ(taken["landmarks_vanished"], 0);
+  ExpectRefused({"base", "add", "town.base", part}, "is in the base already");
+  EXPECT_EQ(Run({"base", "verify", "town.base"}).exit_code, 0);
+}
+
+TEST_F(BaseCliTest, ADriveOnUnknownRoadPublishesASegment) {
+  ASSERT_EQ(Run({"base", "add", "town.base", "../elsewhere.cmap"}).exit_code, 0);
+  const Result driven = Run({"drive", Drive(1), "--base", "town.base", "--out", "parts"});
+  ASSERT_EQ(driven.exit_code, 0) << driven.err;
+  EXPECT_THAT(driven.out, HasSubstr("segment (nothing of the base was seen on it)"));
+  const Result added = Run({"base", "add", "town.base",
+                            fs::directory_iterator(root_ / "work" / "parts")->path().string()});
+  EXPECT_EQ(added.exit_code, 0) << added.err;
+  EXPECT_EQ(Info()["components"].size(), 2u);
+}
+
+TEST_F(BaseCliTest, PatchesReachAVehicleThatDrives) {
+  ASSERT_EQ(Run({"base", "add", "town.base", "../monday.cmap"}).exit_code, 0);
+  fs::copy(root_ / "work" / "town.base", root_ / "work" / "old.base", fs::copy_options::recursive);
+  ASSERT_EQ(Run({"base", "add", "town.base", "../tuesday.cmap", "--patches", "patches"}).exit_code,
+            0);
+  const Result driven =
+      Run({"drive", Drive(1), "--base", "old.base", "--patches", "patches", "--out", "parts"});
+  ASSERT_EQ(driven.exit_code, 0) << driven.err;
+  EXPECT_THAT(driven.out, HasSubstr("applied while it drove"));
+  std::ofstream(root_ / "work" / "patches" / "broken.cmpatch") << "nonsense";
+  const Result warned =
+      Run({"drive", Drive(1), "--base", "old.base", "--patches", "patches", "--out", "again"});
+  EXPECT_EQ(warned.exit_code, 3);
+  EXPECT_THAT(warned.err, HasSubstr("broken.cmpatch"));
+}
+
+TEST_F(BaseCliTest, PartsThatNobodyTakesAwayAreBounded) {
+  ASSERT_EQ(Run({"base", "add", "town.base", "../monday.cmap"}).exit_code, 0);
+  const Result driven = Run({"drive", Drive(1), "--base", "town.base", "--out", "parts", "--every",
+                             "1", "--out-limit", "0.01"});
+  EXPECT_LE(driven.exit_code, 3);
+  uintmax_t bytes = 0;
+  for (const auto& file : fs::directory_iterator(root_ / "work" / "parts")) {
+    bytes += file.file_size();
+  }
+  EXPECT_LE(bytes, 20'000u);
+}
+
+TEST_F(BaseCliTest, TellsWhatChangedInTheStreet) {
+  ASSERT_EQ(Run({"base", "add", "town.base", "../monday.cmap"}).exit_code, 0);
+  const Result told = Run({"base", "changes", "town.base", "--out", "c.geojson"});
+  ASSERT_EQ(told.exit_code, 0) << told.err;
+  EXPECT_THAT(told.out, HasSubstr("nothing changed"));
+  const auto json = nlohmann::json::parse(Read(root_ / "work" / "c.geojson"));
+  EXPECT_EQ(json["type"], "FeatureCollection");
+  ExpectRefused({"base", "changes", "town.base", "--since", "yesterday"}, "is no time");
+  ExpectRefused({"drive", Drive(1), "--base", "../monday.cmap", "--out", "p"}, "folder of a base");
+}
+
 }  // namespace
 }  // namespace carmap

@@ -16,12 +16,14 @@
 #include "apps/carmap/base_picture.h"
 #include "apps/carmap/commands.h"
 #include "apps/carmap/outputs.h"
+#include "apps/carmap/patch_files.h"
 #include "apps/carmap/reports.h"
 #include "carmap/base/file.h"
 #include "carmap/base/progress.h"
 #include "carmap/base/status_macros.h"
 #include "carmap/base/stopwatch.h"
 #include "carmap/format/lean_codec.h"
+#include "carmap/format/tile_codec.h"
 #include "carmap/ingest/adjust.h"
 #include "carmap/ingest/base_map.h"
 #include "carmap/ingest/changes.h"
@@ -35,7 +37,7 @@ namespace carmap {
 namespace {
 
 struct Arguments {
-  std::string base, out, report, picture, drive, what;
+  std::string base, out, report, picture, patches, drive, what;
   std::vector<std::string> segments;
   std::optional<uint32_t> component;
   size_t kept_patches = 16;
@@ -61,10 +63,17 @@ struct Added {
 absl::StatusOr<Added> AddSegment(const std::string& path, const Arguments& arguments,
                                  BaseMap& base) {
   const Stopwatch watch;
-  CARMAP_ASSIGN_OR_RETURN(const LeanMap segment, ReadLeanMap(path));
   ContributeOptions options;
   options.accept_suspect = arguments.accept_suspect;
-  auto made = Contribute(segment, NameOf(path), base, options);
+  CARMAP_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, kMaxLeanFileBytes));
+  absl::StatusOr<Contribution> made;
+  if (IsDiff(bytes)) {
+    CARMAP_ASSIGN_OR_RETURN(const MapDiff diff, DecodeDiff(bytes, path));
+    made = Contribute(diff, NameOf(path), base, options);
+  } else {
+    CARMAP_ASSIGN_OR_RETURN(const LeanMap segment, DecodeLeanMap(bytes, path));
+    made = Contribute(segment, NameOf(path), base, options);
+  }
   if (!made.ok()) return WithName(path, made.status());
   return Added{*std::move(made), watch.ElapsedMs() * 1e-3};
 }
@@ -98,6 +107,29 @@ void PrintAdded(const std::string& path, const Added& added) {
     fmt::print("; {} that fewer drives saw made way", made.landmarks_replaced);
   }
   fmt::print("\n");
+  if (made.seen + made.missed + made.seen_through > 0) {
+    fmt::print("  passes by   {} seen, {} missed, {} seen through\n", Count(made.seen, "landmark"),
+               made.missed, made.seen_through);
+  }
+  if (made.sightings_ignored > 0) {
+    fmt::print("  too old     what it saw of {}, whose patches since are no longer kept\n",
+               Count(made.sightings_ignored, "tile"));
+  }
+  if (made.landmarks_confirmed > 0) {
+    fmt::print("  confirmed   {} that one drive alone had told of\n",
+               Count(made.landmarks_confirmed, "landmark"));
+  }
+  if (made.landmarks_refuted > 0) {
+    fmt::print("  refuted     {} that one drive alone had told of, and others did not see\n",
+               Count(made.landmarks_refuted, "landmark"));
+  }
+  if (made.landmarks_returned > 0) {
+    fmt::print("  returned    {} of the new had vanished before\n", made.landmarks_returned);
+  }
+  if (made.landmarks_vanished > 0) {
+    fmt::print("  vanished    {}, by this drive and others before\n",
+               Count(made.landmarks_vanished, "landmark"));
+  }
   fmt::print("  tiles       {} changed; patches of {}\n", made.tiles.size(),
              BytesText(static_cast<double>(made.patch_bytes)));
 }
@@ -115,6 +147,14 @@ nlohmann::ordered_json ToJson(const std::string& path, const Added& added) {
                                  {"landmarks", made.landmarks},
                                  {"landmarks_added", made.landmarks_added},
                                  {"landmarks_replaced", made.landmarks_replaced},
+                                 {"seen", made.seen},
+                                 {"missed", made.missed},
+                                 {"seen_through", made.seen_through},
+                                 {"sightings_ignored", made.sightings_ignored},
+                                 {"landmarks_confirmed", made.landmarks_confirmed},
+                                 {"landmarks_refuted", made.landmarks_refuted},
+                                 {"landmarks_returned", made.landmarks_returned},
+                                 {"landmarks_vanished", made.landmarks_vanished},
                                  {"tiles_changed", made.tiles.size()},
                                  {"patch_bytes", made.patch_bytes},
                                  {"constraint_bytes", made.constraint_bytes},
@@ -147,6 +187,7 @@ absl::StatusOr<ExitCode> Add(const Arguments& arguments) {
                                    {"refused", nlohmann::ordered_json::array()}};
   std::vector<DriveId> drives;
   bool agrees_with_gps = true;
+  OutputFiles files;
   Progress progress("adding", arguments.segments.size());
   for (const std::string& path : arguments.segments) {
     const auto added = AddSegment(path, arguments, *base);
@@ -154,6 +195,9 @@ absl::StatusOr<ExitCode> Add(const Arguments& arguments) {
       PrintAdded(path, *added);
       agrees_with_gps &= CheckGpsOffset(path, added->contribution);
       std::fflush(stdout);  // it is in the base, whatever happens to this process
+      files.Write(arguments.patches, [&] {
+        return WritePatches(base->reader(), added->contribution.tiles, arguments.patches);
+      });
       report["added"].push_back(ToJson(path, *added));
       drives.insert(drives.end(), added->contribution.drives.begin(),
                     added->contribution.drives.end());
@@ -167,7 +211,6 @@ absl::StatusOr<ExitCode> Add(const Arguments& arguments) {
     }
   }
   report["peak_rss_mb"] = PeakMemoryMb();
-  OutputFiles files;
   files.Write(arguments.report, [&] { return WriteReport(arguments.report, report); });
   files.Write(arguments.picture,
               [&] { return WriteBasePicture(arguments.picture, *base, {}, drives); });
@@ -535,7 +578,13 @@ void AddBaseCommand(CLI::App& app, Command& chosen) {
           "Exit codes: 0 done, 1 error, 2 wrong usage");
 
   CLI::App* add = AddAction(*base, "add", "Add segments", Add, arguments, chosen);
-  add->add_option("SEGMENT", arguments->segments, "Maps of drives (.cmap)")->required();
+  add->add_option("SEGMENT", arguments->segments,
+                  "Maps of drives (.cmap), or parts that `carmap drive` published (.cmdiff)")
+      ->required();
+  add->add_option("--patches", arguments->patches,
+                  "Folder for the patches of the tiles that change, for vehicles that drive "
+                  "meanwhile (`carmap drive --patches`)")
+      ->type_name("FOLDER");
   add->add_flag("--accept-suspect", arguments->accept_suspect,
                 "Take also maps of drives that `carmap map` called suspect");
   add->add_option("--report", arguments->report, "Write what became of each as JSON (m, bytes, s)")
@@ -550,6 +599,10 @@ where the base has none. A segment that contradicts the base, that fits in two p
 drive is suspect, is refused with the reason.
 
 What is far from its fixes once it is fitted is added, and a line says so: one of the two is wrong.
+
+What a part of `carmap drive` saw and missed counts as a pass of its drive, once a drive. A landmark that several
+drives should have seen and did not, or saw through, is taken to have vanished and goes, with what
+stood around it; what a single drive told of and three others did not see goes too.
 
 Exit codes: 0 done, 1 nothing was added (or only standard output cannot be written; `carmap base log`
 tells), 2 wrong usage, 3 some were added but not all, fixes contradict the base, or a file could not be
@@ -568,6 +621,8 @@ written)");
   CLI::App* log = AddAction(*base, "log", "Tell who changed what, when", Log, arguments, chosen);
   log->add_flag("--json", arguments->json, "Print JSON, with all tiles and versions");
   log->footer("Exit codes: 0 done, 1 error, 2 wrong usage");
+
+  AddBaseChanges(*base, chosen);
 
   CLI::App* verify =
       AddAction(*base, "verify", "Check a base, tile by tile", Verify, arguments, chosen);

@@ -21,6 +21,7 @@ void AddSimulateCommand(CLI::App& app, Command& chosen);
 void AddCheckCommand(CLI::App& app, Command& chosen);
 void AddMapCommand(CLI::App& app, Command& chosen);
 void AddLocalizeCommand(CLI::App& app, Command& chosen);
+void AddDriveCommand(CLI::App& app, Command& chosen);
 void AddStitchCommand(CLI::App& app, Command& chosen);
 void AddBaseCommand(CLI::App& app, Command& chosen);
 void AddDiffCommand(CLI::App& app, Command& chosen);
@@ -28,7 +29,11 @@ void AddInfoCommand(CLI::App& app, Command& chosen);
 void AddEvaluateCommand(CLI::App& app, Command& chosen);
 void AddVocabularyCommand(CLI::App& app, Command& chosen);
 
+/// To `carmap base`.
+void AddBaseChanges(CLI::App& base, Command& chosen);
+
 /// To `carmap evaluate`.
+void AddEvaluateForgetting(CLI::App& evaluate, Command& chosen);
 void AddEvaluateFrames(CLI::App& evaluate, Command& chosen);
 void AddEvaluateLocalization(CLI::App& evaluate, Command& chosen);
 void AddEvaluateMatching(CLI::App& evaluate, Command& chosen);

@@ -54,6 +54,7 @@ Example:
 Exit codes: 0 done, 1 error, 2 wrong usage)");
   trajectory->callback(
       [arguments, &chosen] { chosen = [arguments] { return Evaluate(*arguments); }; });
+  AddEvaluateForgetting(*command, chosen);
   AddEvaluateFrames(*command, chosen);
   AddEvaluateLocalization(*command, chosen);
   AddEvaluateMatching(*command, chosen);

@@ -15,13 +15,13 @@
 #include <vector>
 
 #include "apps/carmap/commands.h"
+#include "apps/carmap/drive_localizer.h"
 #include "apps/carmap/evaluated_map.h"
 #include "apps/carmap/health_report.h"
 #include "apps/carmap/outputs.h"
 #include "apps/carmap/reports.h"
 #include "apps/carmap/segmenter_option.h"
 #include "carmap/base/exceptions.h"
-#include "carmap/base/file.h"
 #include "carmap/base/progress.h"
 #include "carmap/base/status_macros.h"
 #include "carmap/base/stopwatch.h"
@@ -32,12 +32,9 @@
 #include "carmap/eval/frame_picture.h"
 #include "carmap/eval/localization_error.h"
 #include "carmap/eval/map_truth.h"
-#include "carmap/feature/default_vocabulary.h"
 #include "carmap/feature/stereo_features.h"
-#include "carmap/format/lean_codec.h"
 #include "carmap/index/reconstruct.h"
 #include "carmap/ingest/base_map.h"
-#include "carmap/ingest/view_follower.h"
 #include "carmap/semantics/segmenter_choice.h"
 #include "carmap/slam/drive_mapper.h"
 #include "carmap/slam/drive_sample.h"
@@ -55,51 +52,6 @@ struct Arguments {
   FrameRange range;
 };
 
-/// What the vehicle localizes in: one map, or a base of which it reads the tiles around it.
-struct LoadedMap {
-  LeanMap lean;   ///< of a base, once the drive is over: the tiles that were read
-  StereoRig rig;  ///< of the vehicle that localizes
-  std::shared_ptr<const ReconstructedMap> map;  ///< null of a base
-  std::unique_ptr<const BaseMap> base;
-  size_t bytes = 0;
-  double read_ms = 0, decode_ms = 0, rebuild_ms = 0;
-};
-
-absl::Status CheckHasLandmarks(const LeanMap& map, const std::string& path) {
-  if (!map.landmarks.empty()) return absl::OkStatus();
-  return absl::FailedPreconditionError(
-      fmt::format("{}: holds no landmark to localize by; map a longer drive", path));
-}
-
-absl::StatusOr<LoadedMap> LoadMap(const std::string& path, const StereoRig& rig) {
-  LoadedMap loaded;
-  loaded.rig = StereoFrontEnd(rig).rig();
-  const Stopwatch read_watch;
-  std::error_code error;
-  if (std::filesystem::is_directory(path, error)) {
-    CARMAP_ASSIGN_OR_RETURN(loaded.base, BaseMap::Open(path, StoreAccess::kReadOnly));
-    CARMAP_ASSIGN_OR_RETURN(const std::vector<Component> components, loaded.base->Components());
-    if (components.empty()) {
-      return absl::FailedPreconditionError(
-          fmt::format("{}: is empty; `carmap base add {} SEGMENT.cmap` fills it", path, path));
-    }
-    loaded.read_ms = read_watch.ElapsedMs();
-    return loaded;
-  }
-  CARMAP_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(path, kMaxLeanFileBytes));
-  loaded.read_ms = read_watch.ElapsedMs();
-  loaded.bytes = bytes.size();
-  const Stopwatch decode_watch;
-  CARMAP_ASSIGN_OR_RETURN(loaded.lean, DecodeLeanMap(bytes, path));
-  loaded.decode_ms = decode_watch.ElapsedMs();
-  CARMAP_RETURN_IF_ERROR(CheckHasLandmarks(loaded.lean, path));
-  const Stopwatch rebuild_watch;
-  loaded.map =
-      std::make_shared<const ReconstructedMap>(Reconstruct(loaded.lean, loaded.rig.camera.fx));
-  loaded.rebuild_ms = rebuild_watch.ElapsedMs();
-  return loaded;
-}
-
 /// Lays the map on --map-truth; nothing if that was not asked for.
 absl::StatusOr<std::optional<EvaluatedMap>> AlignMap(const LoadedMap& loaded,
                                                      const KittiDrive& drive,
@@ -111,155 +63,6 @@ absl::StatusOr<std::optional<EvaluatedMap>> AlignMap(const LoadedMap& loaded,
   CARMAP_RETURN_IF_ERROR(CheckTruth(drive, arguments.drive));
   return evaluated;
 }
-
-/// What became of one frame.
-struct FrameResult {
-  uint32_t index = 0;
-  VehiclePose pose;
-  double frame_ms = 0;
-};
-
-struct LocalizedDrive {
-  Trajectory trajectory;  ///< in the map's frame, one entry a frame
-  std::vector<FrameResult> frames;
-  std::vector<LostFrame> unusable_frames;  ///< whose images are at fault; dead reckoned or lost
-  std::vector<LostFrame> lost_frames;      ///< without a pose
-  std::vector<double> frame_ms;
-  size_t by_map = 0, by_dead_reckoning = 0;
-  double longest_dead_reckoning_m = 0;
-  FramePicture best_frame;                    ///< the one with most landmarks
-  std::optional<LabellingSummary> labelling;  ///< of the vehicle's own keyframes
-  DriveHealth health;
-  RowMisalignment undone;     ///< of the right images
-  std::optional<GpsUse> gps;  ///< by where the map lies on the Earth
-  std::string failure;        ///< why it ends before the drive: an exception, in one line
-  /// Of a base: those read, how often the view of them changed, those that cannot be read.
-  size_t tiles_read = 0, views = 0;
-  std::vector<std::string> damaged_tiles;
-
-  size_t localized() const { return by_map + by_dead_reckoning; }
-};
-
-/// One drive's way through the map, frame by frame.
-class DriveLocalizer {
- public:
-  DriveLocalizer(const LoadedMap& loaded, const StereoRig& camera_rig,
-                 const StereoFrontEnd& front_end, std::shared_ptr<Segmenter> segmenter)
-      : front_end_(front_end),
-        own_map_(camera_rig, loaded.rig, DriveId(), OwnMapOptions(std::move(segmenter))),
-        rig_(loaded.rig) {
-    if (loaded.base) follower_.emplace(*loaded.base, rig_.camera.fx, ProgramVocabulary());
-    tracker_.emplace(follower_ ? follower_->map() : loaded.map, rig_, ProgramVocabulary());
-  }
-
-  void Take(const ExtractedFrame& frame) {
-    const TrackedFrame& own = own_map_.Take(frame);
-    const Stopwatch watch;
-    if (follower_) Follow(frame);
-    FrameResult result{frame.index, tracker_->Take(frame, own), 0};
-    last_pose_.reset();
-    if (result.pose.pose) last_pose_ = result.pose.pose->camera_from_base.Inverse();
-    TimedPose& pose = drive_.trajectory.emplace_back();
-    pose.timestamp = frame.timestamp;
-    if (follower_ && result.pose.pose) {
-      Rigid3& camera_from_base = result.pose.pose->camera_from_base;
-      camera_from_base = camera_from_base * first_from_view_.Inverse();
-    }
-    if (result.pose.pose) pose.world_from_camera = result.pose.pose->camera_from_base.Inverse();
-    if (frame.features) {
-      result.frame_ms = own_map_.last_frame_ms() + watch.ElapsedMs();
-      drive_.frame_ms.push_back(result.frame_ms);
-      RememberIfBest(frame, result.pose.inliers);
-    }
-    Count(frame, result.pose);
-    drive_.frames.push_back(std::move(result));
-  }
-
-  LocalizedDrive& drive() { return drive_; }
-  const std::optional<ViewFollower>& follower() const { return follower_; }
-  /// From the frame of the follower's view to that of the poses.
-  const Rigid3& first_from_view() const { return first_from_view_; }
-  DriveHealth Health() const { return own_map_.Health(drive_.trajectory); }
-  std::optional<LabellingSummary> labelling() const { return own_map_.labelling(); }
-
- private:
-  static constexpr size_t kMinFeatures = 50;  ///< fewer come of a black or blinded image
-
-  /// Of the drive's own map only the motion from frame to frame is used.
-  static MapDriveOptions OwnMapOptions(std::shared_ptr<Segmenter> segmenter) {
-    MapDriveOptions options;
-    options.segmenter = std::move(segmenter);
-    options.loops.close_loops = false;
-    return options;
-  }
-
-  static std::shared_ptr<const Vocabulary> ProgramVocabulary() {
-    return {std::shared_ptr<const Vocabulary>(), &DefaultVocabulary()};
-  }
-
-  /// Reads the tiles around the vehicle before it needs them. What the store denies ends the run.
-  void Follow(const ExtractedFrame& frame) {
-    static const std::vector<Feature> kNothing;
-    const bool had_tiles = !follower_->view().tiles().empty();
-    const Rigid3 root_from_view = follower_->view().root_from_view();
-    const bool was_on_earth = follower_->view().grid().is_on_earth;
-    const auto change =
-        follower_->Follow(last_pose_, frame.gps, frame.features ? *frame.features : kNothing);
-    if (!change.ok()) throw std::runtime_error(std::string(change.status().message()));
-    if (*change == ViewFollower::Change::kNone) return;
-    ++drive_.views;
-    if (*change == ViewFollower::Change::kTiles) {
-      tracker_->Swap(follower_->map());
-      return;
-    }
-    tracker_.emplace(follower_->map(), rig_, ProgramVocabulary());
-    // Poses of the drive stay in its first frame. Only the Earth connects two components.
-    if (had_tiles && was_on_earth && follower_->view().grid().is_on_earth) {
-      first_from_view_ =
-          first_from_view_ * root_from_view.Inverse() * follower_->view().root_from_view();
-    } else if (drive_.localized() == 0) {
-      first_from_view_ = Rigid3();
-    } else {
-      throw std::runtime_error(
-          "it leads into a part of the base that lies nowhere in relation to the part before; "
-          "localize the rest by itself, with --first");
-    }
-  }
-
-  void RememberIfBest(const ExtractedFrame& frame, const std::vector<LandmarkMatch>& inliers) {
-    if (inliers.size() <= most_inliers_) return;
-    most_inliers_ = inliers.size();
-    drive_.best_frame = {fmt::format("Frame {} in the map", frame.index),
-                         front_end_.AtFeatureSize(frame.left), *frame.features,
-                         std::vector<bool>(frame.features->size())};
-    for (const LandmarkMatch& match : inliers) drive_.best_frame.in_map[match.feature_idx] = true;
-  }
-
-  void Count(const ExtractedFrame& frame, const VehiclePose& pose) {
-    drive_.by_map += pose.known_by == KnownBy::kMap;
-    drive_.by_dead_reckoning += pose.known_by == KnownBy::kDeadReckoning;
-    drive_.longest_dead_reckoning_m =
-        std::max(drive_.longest_dead_reckoning_m, pose.dead_reckoned_m);
-    std::string unusable = frame.unusable_because;
-    if (frame.features && frame.features->size() < kMinFeatures) {
-      unusable = fmt::format("only {} features in the image", frame.features->size());
-    }
-    if (!unusable.empty()) drive_.unusable_frames.push_back({frame.index, unusable});
-    if (pose.known_by != KnownBy::kLost) return;
-    drive_.lost_frames.push_back(
-        {frame.index, unusable.empty() ? "it was not found in the map" : unusable});
-  }
-
-  const StereoFrontEnd& front_end_;
-  DriveMapper own_map_;
-  const StereoRig rig_;
-  std::optional<ViewFollower> follower_;  ///< in a base
-  std::optional<BaseTracker> tracker_;    ///< never empty
-  Rigid3 first_from_view_;                ///< from the view's frame to that of the first view
-  std::optional<Rigid3> last_pose_;       ///< in the view
-  size_t most_inliers_ = 0;
-  LocalizedDrive drive_;
-};
 
 LocalizedDrive LocalizeDrive(KittiDrive& drive, LoadedMap& loaded,
                              std::shared_ptr<Segmenter> segmenter) {

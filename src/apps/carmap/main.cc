@@ -89,6 +89,7 @@ int Run(int argc, char** argv) {
   AddCheckCommand(app, chosen);
   AddMapCommand(app, chosen);
   AddLocalizeCommand(app, chosen);
+  AddDriveCommand(app, chosen);
   AddStitchCommand(app, chosen);
   AddBaseCommand(app, chosen);
   AddDiffCommand(app, chosen);

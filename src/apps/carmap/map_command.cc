@@ -1,7 +1,4 @@
-#include <absl/strings/numbers.h>
-#include <absl/time/time.h>
 #include <fmt/format.h>
-#include <xxhash.h>
 
 #include <CLI/App.hpp>
 #include <algorithm>
@@ -19,7 +16,9 @@
 #include "apps/carmap/health_report.h"
 #include "apps/carmap/outputs.h"
 #include "apps/carmap/reports.h"
+#include "apps/carmap/run_id.h"
 #include "apps/carmap/segmenter_option.h"
+#include "apps/carmap/time_option.h"
 #include "carmap/base/file.h"
 #include "carmap/base/progress.h"
 #include "carmap/base/status_macros.h"
@@ -43,8 +42,6 @@
 
 namespace carmap {
 namespace {
-
-constexpr uint64_t kMaxHashedFileBytes = uint64_t{1} << 30;
 
 struct Arguments {
   std::string drive, out, full_map, vocabulary, segmenter, trajectory, report, picture, start_time;
@@ -113,36 +110,12 @@ absl::StatusOr<DriveId> IdOfRun(const DriveId& drive, const Arguments& arguments
     std::random_device random;
     return DriveId{drive.input, (uint64_t{random()} << 32) | random()};
   }
-  std::string options =
-      fmt::format("carmap " CARMAP_VERSION " {:016x} loops {} segmenter {} every {}", drive.options,
-                  !arguments.no_loops, arguments.segmenter, arguments.segment_every);
-  for (const std::string& file : FilesOfSegmenter(arguments.segmenter, arguments.drive)) {
-    std::error_code is_folder;  // of labels, which are the drive's own
-    if (!std::filesystem::is_regular_file(file, is_folder)) continue;
-    CARMAP_ASSIGN_OR_RETURN(const std::string bytes, ReadFile(file, kMaxHashedFileBytes));
-    options += bytes;
-  }
-  if (!arguments.vocabulary.empty()) {
-    CARMAP_ASSIGN_OR_RETURN(const std::string bytes,
-                            ReadFile(arguments.vocabulary, kMaxHashedFileBytes));
-    options += bytes;
-  }
-  return DriveId{drive.input, XXH3_64bits(options.data(), options.size())};
-}
-
-/// "2026-11-28T04:17:55Z", or seconds since 1970.
-absl::StatusOr<Timestamp> ParseStartTime(const std::string& text) {
-  double seconds = 0;
-  if (absl::SimpleAtod(text, &seconds) && seconds >= 0 && seconds < 3e9) {
-    return Timestamp::FromSeconds(seconds);
-  }
-  absl::Time time;
-  if (std::string error; absl::ParseTime(absl::RFC3339_full, text, &time, &error)) {
-    const Timestamp parsed{absl::ToUnixNanos(time)};
-    if (parsed.is_in_range()) return parsed;
-  }
-  return absl::InvalidArgumentError(fmt::format(
-      "--start-time {}: is no time; write 2026-11-28T04:17:55Z or seconds since 1970", text));
+  std::vector<std::string> files = FilesOfSegmenter(arguments.segmenter, arguments.drive);
+  if (!arguments.vocabulary.empty()) files.push_back(arguments.vocabulary);
+  return IdOfRun(drive,
+                 fmt::format("loops {} segmenter {} every {}", !arguments.no_loops,
+                             arguments.segmenter, arguments.segment_every),
+                 files);
 }
 
 /// As fast as it goes, or as a camera gives frames.
@@ -193,7 +166,7 @@ absl::StatusOr<Run> MapAndWrite(KittiDrive& drive, const Arguments& arguments,
   std::optional<GpsFix> truth_origin;
   std::optional<Timestamp> unix_start = drive.unix_start();
   if (!arguments.start_time.empty()) {
-    CARMAP_ASSIGN_OR_RETURN(unix_start, ParseStartTime(arguments.start_time));
+    CARMAP_ASSIGN_OR_RETURN(unix_start, ParseTime("--start-time", arguments.start_time));
   }
   if (!drive.truth().empty()) {
     CARMAP_ASSIGN_OR_RETURN(truth_origin, ReadWorldOrigin(arguments.drive));
