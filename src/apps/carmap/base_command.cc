@@ -111,6 +111,10 @@ void PrintAdded(const std::string& path, const Added& added) {
     fmt::print("  passes by   {} seen, {} missed, {} seen through\n", Count(made.seen, "landmark"),
                made.missed, made.seen_through);
   }
+  if (made.is_doubted) {
+    fmt::print(
+        "  doubted     it saw so little of what it should have seen that misses do not count\n");
+  }
   if (made.sightings_ignored > 0) {
     fmt::print("  too old     what it saw of {}, whose patches since are no longer kept\n",
                Count(made.sightings_ignored, "tile"));
@@ -150,6 +154,7 @@ nlohmann::ordered_json ToJson(const std::string& path, const Added& added) {
                                  {"seen", made.seen},
                                  {"missed", made.missed},
                                  {"seen_through", made.seen_through},
+                                 {"is_doubted", made.is_doubted},
                                  {"sightings_ignored", made.sightings_ignored},
                                  {"landmarks_confirmed", made.landmarks_confirmed},
                                  {"landmarks_refuted", made.landmarks_refuted},
@@ -347,6 +352,10 @@ void PrintVerified(const Verification& found) {
              Entries(found.journal_entries));
   if (found.repaired > 0) {
     fmt::print("repaired      {}, from its patches\n", Count(found.repaired, "tile"));
+  }
+  if (found.evidence_dropped > 0) {
+    fmt::print("forgotten     what passes saw and missed of {}\n",
+               Count(found.evidence_dropped, "tile"));
   }
   if (found.histories_cut > 0) {
     fmt::print("cut           the history of {}: what is older cannot be taken back or told\n",

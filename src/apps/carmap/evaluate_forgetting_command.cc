@@ -79,7 +79,7 @@ void PrintRow(const StreetChangeScore& score) {
   size_t things = 0, gone = 0, added = 0, fresh = 0;
   for (const ThingScore& thing : score.things) {
     added += thing.is_added ? thing.after : 0;
-    fresh += thing.fresh;
+    fresh += thing.is_added ? thing.fresh : 0;
     if (thing.is_added || thing.before < kFewest) continue;
     ++things;
     gone += static_cast<double>(thing.after) <= kGoneShare * static_cast<double>(thing.before);

@@ -84,13 +84,13 @@ StreetChangeScore ScoreStreetChanges(const std::vector<ChangedThing>& things,
     ThingScore& of_thing = score.things.emplace_back();
     of_thing.name = thing.name;
     of_thing.is_added = thing.is_added;
+    for (const PlacedMap& map : fresh) of_thing.fresh += CountOn(thing, map);
     if (thing.is_added) {
       for (const LeanLandmark& landmark : after.map.landmarks) {
         of_thing.after += FindById(before.map.landmarks, landmark.id) == nullptr &&
                           IsOn(thing, after.world_from_map * landmark.position_in_map, kNearM);
       }
       of_thing.before = CountOn(thing, before);
-      for (const PlacedMap& map : fresh) of_thing.fresh += CountOn(thing, map);
       continue;
     }
     const std::vector<bool> are_on = AreOn(thing, before);

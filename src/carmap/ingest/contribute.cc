@@ -207,7 +207,7 @@ class Contributor {
     CARMAP_RETURN_IF_ERROR(TakeSightings(diff.sightings));
     if (diff.is_placed()) {
       CARMAP_RETURN_IF_ERROR(TakeDiff(diff));
-    } else {
+    } else if (!segment_.landmarks.empty()) {
       CARMAP_RETURN_IF_ERROR(Place());
     }
     return CommitAll();
@@ -405,6 +405,12 @@ class Contributor {
         made_.seen_through += outcome == Sighting::kSeenThrough;
       }
     }
+    // A vehicle that is not where it thinks misses everything.
+    const size_t told = outcomes_.size();
+    made_.is_doubted =
+        told >= options_.min_doubted &&
+        static_cast<double>(made_.seen) < options_.min_seen_share * static_cast<double>(told);
+    if (made_.is_doubted) outcomes_.clear();
     return absl::OkStatus();
   }
 

@@ -34,6 +34,10 @@ struct ContributeOptions {
   /// Within that radius landmarks are recognised alike in one pass; the whole pass counts like so
   /// many landmarks more.
   double light_m = 12, light_prior = 10;
+  /// A pass that saw so little of what it should have seen, and tells of so many landmarks, is not
+  /// believed.
+  double min_seen_share = 0.05;
+  size_t min_doubted = 50;
 };
 
 /// What became of a segment.
@@ -55,6 +59,7 @@ struct Contribution {
   size_t landmarks_added = 0;                     ///< the others were there, or found no place
   size_t landmarks_replaced = 0;                  ///< of the base, that made way
   size_t seen = 0, missed = 0, seen_through = 0;  ///< landmarks of the base, by the drive
+  bool is_doubted = false;  ///< it saw too little of them, so that what it missed does not count
   /// Tiles of which the drive saw something, but in a version that the base can no longer tell.
   size_t sightings_ignored = 0;
   size_t landmarks_confirmed = 0;  ///< that one drive alone had told of

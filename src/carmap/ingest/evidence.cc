@@ -317,9 +317,10 @@ absl::StatusOr<StoredEvidence> ReadEvidence(const MapReader& reader, TileId tile
       prefix, [&](std::string_view key, std::string_view value) -> absl::Status {
         auto evidence = TileEvidence::Decode(value);
         if (!evidence.ok()) {
-          return absl::DataLossError(
-              fmt::format("what was seen and missed of tile {}/{:016x} is damaged ({})",
-                          tile.component, tile.cell, std::string(evidence.status().message())));
+          return absl::DataLossError(fmt::format(
+              "what was seen and missed of tile {}/{:016x} is damaged ({}); `carmap base "
+              "verify --repair` forgets it",
+              tile.component, tile.cell, std::string(evidence.status().message())));
         }
         stored.evidence = *std::move(evidence);
         return absl::SimpleHexAtoi(std::string(key.substr(prefix.size())), &stored.revision)
@@ -327,6 +328,13 @@ absl::StatusOr<StoredEvidence> ReadEvidence(const MapReader& reader, TileId tile
                    : absl::DataLossError("the revision of some evidence is no number");
       }));
   return stored;
+}
+
+absl::Status DropEvidence(const MapReader& reader, TileId tile, Commit& commit) {
+  return reader.VisitContributions(KeyPrefixOf(tile), [&](std::string_view key, std::string_view) {
+    commit.withdrawn.emplace_back(key);
+    return absl::OkStatus();
+  });
 }
 
 absl::Status VisitEvidence(const MapReader& reader, const std::function<void(TileId)>& visit) {

@@ -119,6 +119,9 @@ void ReplaceEvidence(TileId tile, uint64_t read_revision, const TileEvidence& ev
 /// Lets the commit remove it with its tile.
 void RemoveEvidence(TileId tile, uint64_t read_revision, Commit& commit);
 
+/// Lets the commit remove it, whatever is in it. Errors: those of the store.
+absl::Status DropEvidence(const MapReader& reader, TileId tile, Commit& commit);
+
 /// Calls visit(tile) for each tile that has evidence. Reads all evidence of the base. Errors: those
 /// of the store.
 absl::Status VisitEvidence(const MapReader& reader, const std::function<void(TileId)>& visit);

@@ -133,6 +133,14 @@ TEST_F(PassMemoryTest, SightingsOfAnotherNumberOfLandmarksAreIgnored) {
   EXPECT_EQ(Take(diff).sightings_ignored, 1u);
 }
 
+TEST_F(PassMemoryTest, APassThatSeesNothingIsNotBelieved) {
+  for (uint64_t day = 1; day <= 8; ++day) {
+    const Contribution made = Take(PassOf(day, [](const auto&) { return Sighting::kSeenThrough; }));
+    EXPECT_TRUE(made.is_doubted);
+    EXPECT_EQ(made.landmarks_vanished, 0u);
+  }
+}
+
 TEST_F(PassMemoryTest, ARevertedDriveHasNotPassed) {
   const auto look = [&](const LeanLandmark& landmark) { return WithoutBillboard(landmark); };
   Take(PassOf(1, look));

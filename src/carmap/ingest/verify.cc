@@ -9,6 +9,7 @@
 #include "carmap/base/status_macros.h"
 #include "carmap/feature/default_vocabulary.h"
 #include "carmap/format/tile_codec.h"
+#include "carmap/ingest/evidence.h"
 #include "carmap/ingest/journal.h"
 #include "carmap/ingest/tile_words.h"
 #include "carmap/slam/georeference_map.h"
@@ -179,6 +180,28 @@ absl::Status EndEmptyComponents(BaseMap& base) {
   return base.Apply(commit).status();
 }
 
+/// What passes saw and missed is not told anywhere else: where it is damaged, passes begin anew.
+absl::Status CheckEvidence(Mending mending, BaseMap& base, Verification& found) {
+  std::vector<TileId> tiles;
+  CARMAP_RETURN_IF_ERROR(VisitEvidence(base.reader(), [&](TileId tile) { tiles.push_back(tile); }));
+  Commit commit;
+  for (const TileId& tile : tiles) {
+    const absl::Status status = ReadEvidence(base.reader(), tile).status();
+    if (status.ok()) continue;
+    if (!absl::IsDataLoss(status)) return status;
+    if (mending == Mending::kNone) {
+      found.problems.emplace_back(status.message());
+    } else {
+      ++found.evidence_dropped;
+      CARMAP_RETURN_IF_ERROR(DropEvidence(base.reader(), tile, commit));
+    }
+  }
+  if (commit.withdrawn.empty()) return absl::OkStatus();
+  commit.journal_text =
+      ToJournal({.kind = "repair", .time = TimeText(), .name = "carmap base verify --repair"});
+  return base.Apply(commit).status();
+}
+
 /// Looks at tiles one by one, and mends them.
 class TileVerifier {
  public:
@@ -264,6 +287,7 @@ absl::StatusOr<Verification> Verify(BaseMap& base, Mending mending,
     CARMAP_RETURN_IF_ERROR(verifier.Verify(version));
     if (progress) progress(static_cast<size_t>(&version - tiles.data()) + 1);
   }
+  CARMAP_RETURN_IF_ERROR(CheckEvidence(mending, base, found));
   if (mending != Mending::kNone) CARMAP_RETURN_IF_ERROR(EndEmptyComponents(base));
   if (const absl::Status files = base.store().VerifyFiles(); !files.ok()) {
     found.problems.emplace_back(files.message());

@@ -27,6 +27,7 @@ struct Verification {
   size_t lost_journal_entries = 0;    ///< of the entries
   size_t relisted_components = 0;     ///< of which tiles told
   size_t relisted_drives = 0;         ///< contributions of which the journal told
+  size_t evidence_dropped = 0;        ///< tiles of which it is forgotten what passes saw
 };
 
 /// Called after each tile with how many were looked at.
@@ -36,7 +37,7 @@ enum class Mending {
   kNone,
   /// Tiles that are damaged are made anew from their patches where these are whole, patches that
   /// lead nowhere are forgotten, and components and contributions that are not listed any more are
-  /// listed.
+  /// listed; evidence that cannot be read is forgotten.
   kRepair,
   kDiscard  ///< also what cannot be made anew is removed, so that its road can be mapped again
 };

@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "carmap/ingest/evidence.h"
 #include "carmap/ingest/test_base.h"
 
 namespace carmap {
@@ -42,6 +43,24 @@ TEST_F(VerifyTest, CountsWhatASoundBaseHolds) {
   EXPECT_EQ(found->keyframes, Whole(1).map().keyframes.size());
   EXPECT_GE(found->patches, found->tiles);
   EXPECT_EQ(found->journal_entries, 2u);
+}
+
+TEST_F(VerifyTest, ForgetsEvidenceThatIsDamaged) {
+  const TileId id = Tiles(1).front();
+  Commit spoil;
+  ASSERT_TRUE(DropEvidence(base_->reader(), id, spoil).ok());
+  spoil.contributions.emplace_back(spoil.withdrawn.front() + "1", "not evidence");
+  spoil.journal_text = ToJournal(LoggedChange{.kind = "spoil"});
+  ASSERT_TRUE(base_->Apply(spoil).ok());
+  EXPECT_TRUE(absl::IsDataLoss(ReadEvidence(base_->reader(), id).status()));
+  const auto found = Verify(*base_, Mending::kNone);
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_THAT(found->problems, ElementsAre(HasSubstr("--repair")));
+  const auto mended = Verify(*base_, Mending::kRepair);
+  ASSERT_TRUE(mended.ok()) << mended.status();
+  EXPECT_EQ(mended->evidence_dropped, 1u);
+  EXPECT_THAT(Verify(*base_, Mending::kNone)->problems, IsEmpty());
+  EXPECT_EQ(ReadEvidence(base_->reader(), id)->revision, 0u);
 }
 
 TEST_F(VerifyTest, NamesTheTileThatIsDamaged) {

@@ -5,6 +5,9 @@
 namespace carmap {
 
 absl::Status CheckOrder(const MapDiff& diff) {
+  if (diff.sightings.size() > kMaxTilesSeen) {
+    return absl::InvalidArgumentError("more tiles than a drive can see");
+  }
   if (std::adjacent_find(diff.seen_again.begin(), diff.seen_again.end(), std::greater_equal<>()) !=
       diff.seen_again.end()) {
     return absl::InvalidArgumentError("pairs of landmarks do not ascend");

@@ -8,6 +8,7 @@
 
 #include <absl/status/status.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -26,6 +27,9 @@ struct SameLandmark {
 /// in sight, from where it was recognised before, with nothing before it. It is seen through where
 /// the drive, besides, measured what stands behind it.
 enum class Sighting : uint8_t { kNone, kMissed, kSeen, kSeenThrough };
+
+/// What no drive sees of in one part; each costs the base the reading of a tile.
+inline constexpr size_t kMaxTilesSeen = 1024;
 
 /// What a drive saw of a tile.
 struct TileSightings {
@@ -47,8 +51,8 @@ struct MapDiff {
   bool is_placed() const { return frame.component != 0; }
 };
 
-/// Checks what is written above but for the drive's map, which has a check of its own. Errors:
-/// InvalidArgument.
+/// Checks what is written above, limits too, but for the drive's map, which has a check of its own.
+/// Errors: InvalidArgument.
 absl::Status CheckOrder(const MapDiff& diff);
 
 }  // namespace carmap

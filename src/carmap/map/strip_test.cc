@@ -108,5 +108,31 @@ TEST(Strip, LeavesOutWhatIsNonStatic) {
   ASSERT_TRUE(CheckConsistency(stripped.lean).ok()) << CheckConsistency(stripped.lean);
 }
 
+TEST(StripStretch, HasWhatItsKeyframesSaw) {
+  const Map map = MakeMap({MakeLandmark(10, {4, 5, 9}, 3), MakeLandmark(11, {2, 4, 5}, 0),
+                           MakeLandmark(12, {2, 9}, 6)});
+  const StrippedMap stripped =
+      StripStretch(map, kLeanDrive, {kDrive, 4}, {kDrive, 5}, {.min_observations = 3});
+  const LeanMap& lean = stripped.lean;
+  ASSERT_TRUE(CheckConsistency(lean).ok()) << CheckConsistency(lean);
+  ASSERT_EQ(lean.keyframes.size(), 2u);
+  EXPECT_EQ(lean.keyframes[0].id.index, 4u);
+  EXPECT_THAT(stripped.sources, ElementsAre(LandmarkId{kDrive, 11}, LandmarkId{kDrive, 10}));
+  for (const LeanLandmark& landmark : lean.landmarks) {
+    EXPECT_THAT(landmark.keyframe_idxs, ElementsAre(0, 1)) << "those outside do not count";
+    EXPECT_EQ(landmark.anchor_idx, 1u);
+  }
+  EXPECT_EQ(lean.landmarks[0].anchor_level, 0);
+  EXPECT_EQ(lean.landmarks[1].anchor_level, 3);
+}
+
+TEST(StripStretch, OfAllKeyframesIsTheWholeMap) {
+  const Map map = MakeMap({MakeLandmark(10, {4, 5, 9}, 3), MakeLandmark(11, {2, 4, 5}, 0)});
+  const StrippedMap whole = Strip(map, kLeanDrive);
+  const StrippedMap stretch = StripStretch(map, kLeanDrive, {kDrive, 2}, {kDrive, 9});
+  EXPECT_EQ(stretch.sources, whole.sources);
+  EXPECT_EQ(stretch.lean.keyframes.size(), whole.lean.keyframes.size());
+}
+
 }  // namespace
 }  // namespace carmap

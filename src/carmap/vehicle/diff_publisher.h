@@ -39,7 +39,7 @@ struct PublishOptions {
   double known_m = 20;
   double overlap_m = 30;            ///< of a segment with the road before it
   double viewer_spacing_m = 2.5;    ///< of keyframes in the lists of a diff's landmarks
-  double path_spacing_m = 8;        ///< of keyframes of a diff that tell where the vehicle drove
+  double path_spacing_m = 25;       ///< of keyframes of a diff that tell where the vehicle drove
   size_t unfinished_keyframes = 3;  ///< the newest, whose landmarks are on trial
   double max_anchor_sigma_m = 0.3;
   double behind_m = 15;  ///< landmarks that were last in sight so long ago are done with

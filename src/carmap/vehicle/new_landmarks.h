@@ -19,14 +19,14 @@ namespace carmap {
 struct NewLandmarkOptions {
   /// A thing is so many landmarks, one of these numbers, that lie nearest to each other, and so
   /// near.
-  std::vector<size_t> thing_landmarks = {4, 8, 16};
+  std::vector<size_t> thing_landmarks = {6, 12, 20};
   double thing_m = 4;
   /// Within that radius the light, and so the share of landmarks that are recognised, is the same;
   /// that of the whole stretch counts like so many landmarks more.
   double light_m = 12;
   double light_prior = 20;
   double false_share = 0.02;  ///< that is recognised of a thing that is new, falsely
-  double min_log_ratio = 2;   ///< of the likelihoods that a thing is new and that it is known
+  double min_log_ratio = 3;   ///< of the likelihoods that a thing is new and that it is known
   double max_share = 0.06;    ///< of the stretch's landmarks, the likeliest first
   /// Nearer to one of the base's that was seen, one is the same corner, with another signature.
   double same_m = 0.06, same_ratio = 0.004;  ///< so much more by the distance from the camera
