@@ -611,7 +611,7 @@ What is far from its fixes once it is fitted is added, and a line says so: one o
 
 What a part of `carmap drive` saw and missed counts as a pass of its drive, once a drive. A landmark that several
 drives should have seen and did not, or saw through, is taken to have vanished and goes, with what
-stood around it; what a single drive told of and three others did not see goes too.
+stood around it; what a single drive told of and others would hardly have missed goes too.
 
 Exit codes: 0 done, 1 nothing was added (or only standard output cannot be written; `carmap base log`
 tells), 2 wrong usage, 3 some were added but not all, fixes contradict the base, or a file could not be

@@ -80,6 +80,7 @@ DriveLocalizer::DriveLocalizer(const LoadedMap& loaded, const StereoRig& camera_
 
 void DriveLocalizer::Take(const ExtractedFrame& frame) {
   own_frame_ = own_map_.Take(frame);
+  TakeOdometry(frame.timestamp);
   const Stopwatch watch;
   if (follower_) Follow(frame);
   newest_ = tracker_->Take(frame, own_frame_);
@@ -98,6 +99,14 @@ void DriveLocalizer::Take(const ExtractedFrame& frame) {
   }
   Count(frame, result.pose);
   drive_.frames.push_back(std::move(result));
+}
+
+void DriveLocalizer::TakeOdometry(Timestamp timestamp) {
+  odometry_.push_back({.timestamp = timestamp});
+  if (own_frame_.camera_from_previous) {
+    odometry_newest_ = odometry_newest_ * own_frame_.camera_from_previous->Inverse();
+  }
+  if (own_frame_.reference) odometry_.back().world_from_camera = odometry_newest_;
 }
 
 /// Reads the tiles around the vehicle before it needs them. What the store denies ends the run.

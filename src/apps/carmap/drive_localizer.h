@@ -97,11 +97,13 @@ class DriveLocalizer {
   const TrackedFrame& own_frame() const { return own_frame_; }
   /// The newest frame's pose in the view.
   const VehiclePose& newest() const { return newest_; }
-  DriveHealth Health() const { return own_map_.Health(drive_.trajectory); }
+  /// By its own motion alone: where the map corrects it, it does not jump.
+  DriveHealth Health() const { return own_map_.Health(odometry_); }
   std::optional<LabellingSummary> labelling() const { return own_map_.labelling(); }
 
  private:
   void Follow(const ExtractedFrame& frame);
+  void TakeOdometry(Timestamp timestamp);
   void RememberIfBest(const ExtractedFrame& frame, const std::vector<LandmarkMatch>& inliers);
   void Count(const ExtractedFrame& frame, const VehiclePose& pose);
 
@@ -112,6 +114,8 @@ class DriveLocalizer {
   std::optional<BaseTracker> tracker_;    ///< never empty
   Rigid3 first_from_view_;                ///< from the view's frame to that of the first view
   TrackedFrame own_frame_;
+  Trajectory odometry_;     ///< its own steps, one after the other, one entry a frame
+  Rigid3 odometry_newest_;  ///< of the last frame that was tracked
   VehiclePose newest_;
   size_t most_inliers_ = 0;
   LocalizedDrive drive_;

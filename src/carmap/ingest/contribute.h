@@ -33,7 +33,7 @@ struct ContributeOptions {
   PersistenceOptions persistence;
   /// Within that radius landmarks are recognised alike in one pass; the whole pass counts like so
   /// many landmarks more.
-  double light_m = 12, light_prior = 10;
+  double light_m = 8, light_prior = 10;
   /// A pass that saw so little of what it should have seen, and tells of so many landmarks, is not
   /// believed.
   double min_seen_share = 0.05;

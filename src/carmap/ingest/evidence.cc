@@ -132,30 +132,42 @@ std::optional<int64_t> TileEvidence::TimeOf(DriveId drive) const {
   return found->second;
 }
 
-size_t TileEvidence::CountOthers(LandmarkId landmark, bool that_saw_it) const {
+bool TileEvidence::IsConfirmed(LandmarkId landmark) const {
+  const auto found = observations_.find(landmark);
+  return found != observations_.end() &&
+         std::any_of(found->second.begin(), found->second.end(), [&](const auto& entry) {
+           return entry.first != landmark.drive && entry.second.outcome == Sighting::kSeen;
+         });
+}
+
+double TileEvidence::LogOddsOfMisses(LandmarkId landmark) const {
   const auto found = observations_.find(landmark);
   if (found == observations_.end()) return 0;
-  return static_cast<size_t>(
-      std::count_if(found->second.begin(), found->second.end(), [&](const auto& entry) {
-        return entry.first != landmark.drive &&
-               (entry.second.outcome == Sighting::kSeen) == that_saw_it;
-      }));
+  double sum = 0;
+  for (const auto& [drive, observation] : found->second) {
+    if (drive == landmark.drive) continue;
+    const double recognised = 1 / (1 + std::exp(-kOddsStep * observation.odds_steps));
+    constexpr double kIfSeenThrough = 0.1;
+    sum += observation.outcome == Sighting::kSeenThrough ? std::log(kIfSeenThrough)
+                                                         : std::log(1 - recognised);
+  }
+  return sum;
 }
 
 std::vector<LandmarkId> TileEvidence::TakeConfirmed() {
   std::vector<LandmarkId> confirmed;
   for (const LandmarkId& landmark : awaiting_) {
-    if (CountOthers(landmark, true) > 0) confirmed.push_back(landmark);
+    if (IsConfirmed(landmark)) confirmed.push_back(landmark);
   }
   for (const LandmarkId& landmark : confirmed) awaiting_.erase(landmark);
   return confirmed;
 }
 
 std::vector<LandmarkId> TileEvidence::TakeRefuted() {
-  constexpr size_t kMissedBy = 3;
+  const double unlikely = std::log(0.1);
   std::vector<LandmarkId> refuted;
   for (const LandmarkId& landmark : awaiting_) {
-    if (CountOthers(landmark, true) == 0 && CountOthers(landmark, false) >= kMissedBy) {
+    if (!IsConfirmed(landmark) && LogOddsOfMisses(landmark) < unlikely) {
       refuted.push_back(landmark);
     }
   }

@@ -55,7 +55,8 @@ class TileEvidence {
   void AwaitConfirmation(LandmarkId landmark) { awaiting_.insert(landmark); }
   /// Those that another drive than their own saw by now, ascending; they await nothing any more.
   std::vector<LandmarkId> TakeConfirmed();
-  /// Those that several drives should have seen by now but none did; they are forgotten.
+  /// Those that would hardly have been missed by all drives that should have seen them, were they
+  /// there; they are forgotten.
   std::vector<LandmarkId> TakeRefuted();
   bool IsAwaited(LandmarkId landmark) const { return awaiting_.contains(landmark); }
 
@@ -96,8 +97,10 @@ class TileEvidence {
     bool operator==(const Observation&) const = default;
   };
   void DropOldest();
-  /// Drives other than the landmark's own that saw it, or that did not although they should have.
-  size_t CountOthers(LandmarkId landmark, bool that_saw_it) const;
+  /// Whether another drive than its own saw it.
+  bool IsConfirmed(LandmarkId landmark) const;
+  /// How unlikely it is, if it is there, that the other drives did not see it.
+  double LogOddsOfMisses(LandmarkId landmark) const;
 
   std::map<DriveId, int64_t> times_;
   std::map<LandmarkId, std::map<DriveId, Observation>> observations_;

@@ -71,16 +71,26 @@ TEST(TileEvidence, ConfirmsByAnotherDriveOnce) {
   EXPECT_THAT(evidence.TakeConfirmed(), IsEmpty());
 }
 
-TEST(TileEvidence, RefutesWhatThreeOthersDidNotSee) {
+/// After how many misses in such light it is refuted.
+int MissesUntilRefuted(double log_odds, Sighting outcome = Sighting::kMissed) {
   TileEvidence evidence;
   evidence.AwaitConfirmation(kCorner);
-  for (uint64_t drive = 2; drive < 5; ++drive) {
-    EXPECT_THAT(evidence.TakeRefuted(), IsEmpty());
-    evidence.AddPass(DriveOf(drive), static_cast<int64_t>(drive));
-    evidence.Record(kCorner, DriveOf(drive), Sighting::kMissed, 0);
+  for (int misses = 0; misses < 40; ++misses) {
+    if (!evidence.TakeRefuted().empty()) {
+      EXPECT_EQ(evidence.CountsOf(kCorner).missed, 0u) << "it is forgotten";
+      return misses;
+    }
+    evidence.AddPass(DriveOf(static_cast<uint64_t>(misses) + 2), misses);
+    evidence.Record(kCorner, DriveOf(static_cast<uint64_t>(misses) + 2), outcome, log_odds);
   }
-  EXPECT_THAT(evidence.TakeRefuted(), ElementsAre(kCorner));
-  EXPECT_EQ(evidence.CountsOf(kCorner).missed, 0u);
+  return 40;
+}
+
+TEST(TileEvidence, RefutesWhatOthersWouldHardlyHaveMissed) {
+  EXPECT_EQ(MissesUntilRefuted(0), 4);
+  EXPECT_EQ(MissesUntilRefuted(2), 2);
+  EXPECT_GT(MissesUntilRefuted(-2), 15) << "in that light little is recognised";
+  EXPECT_EQ(MissesUntilRefuted(-2, Sighting::kSeenThrough), 2);
 }
 
 TEST(TileEvidence, KnowsWhatComesBack) {

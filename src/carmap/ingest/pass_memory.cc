@@ -1,41 +1,62 @@
 #include "carmap/ingest/pass_memory.h"
 
+#include <absl/container/flat_hash_map.h>
+
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <utility>
 
 #include "carmap/base/status_macros.h"
 #include "carmap/format/tile_codec.h"
-#include "carmap/index/kd_tree.h"
 #include "carmap/map/by_id.h"
 
 namespace carmap {
 namespace {
 
-/// Of places where a pass saw or missed something: log odds of being recognised there.
+/// Of places where a pass saw or missed something: log odds of being recognised there. Counted in
+/// cubes, of which those around a place tell of it.
 class PassOdds {
  public:
-  PassOdds(std::vector<Eigen::Vector3d> places, std::vector<bool> is_seen, const PassLight& light)
-      : is_seen_(std::move(is_seen)), light_(light), tree_(std::move(places)) {
-    constexpr double kLeast = 0.5;
-    const double seen = static_cast<double>(std::count(is_seen_.begin(), is_seen_.end(), true));
-    of_pass_ = (seen + kLeast) / (static_cast<double>(is_seen_.size()) + 2 * kLeast);
+  explicit PassOdds(const PassLight& light) : light_(light) {}
+
+  void Add(const Eigen::Vector3d& place, bool is_seen) {
+    for (Counts* counts : {&all_, &cubes_[CubeOf(place)]}) {
+      counts->told += 1;
+      counts->seen += is_seen;
+    }
   }
   double At(const Eigen::Vector3d& place) const {
-    constexpr size_t kEnough = 256;
-    const auto near = tree_.WithinRadius(place, light_.radius_m, kEnough);
-    const auto seen =
-        std::count_if(near.begin(), near.end(), [&](uint32_t i) { return is_seen_[i]; });
-    const double share = (static_cast<double>(seen) + light_.prior * of_pass_) /
-                         (static_cast<double>(near.size()) + light_.prior);
+    constexpr double kLeast = 0.5;
+    const double of_pass = (all_.seen + kLeast) / (all_.told + 2 * kLeast);
+    Counts near;
+    const Cube middle = CubeOf(place);
+    for (int i = 0; i < 27; ++i) {
+      const auto cube =
+          cubes_.find({middle[0] + i % 3 - 1, middle[1] + i / 3 % 3 - 1, middle[2] + i / 9 - 1});
+      if (cube == cubes_.end()) continue;
+      near.told += cube->second.told;
+      near.seen += cube->second.seen;
+    }
+    const double share = (near.seen + light_.prior * of_pass) / (near.told + light_.prior);
     return std::log(share / (1 - share));
   }
 
  private:
-  const std::vector<bool> is_seen_;
+  using Cube = std::array<int, 3>;
+  struct Counts {
+    double told = 0, seen = 0;
+  };
+  Cube CubeOf(const Eigen::Vector3d& place) const {
+    const auto index = [&](double x) {
+      return static_cast<int>(std::clamp(std::floor(x / light_.radius_m), -1e8, 1e8));
+    };
+    return {index(place.x()), index(place.y()), index(place.z())};
+  }
+
   const PassLight light_;
-  const KdTree tree_;
-  double of_pass_ = 0;
+  Counts all_;
+  absl::flat_hash_map<Cube, Counts> cubes_;
 };
 
 }  // namespace
@@ -78,18 +99,15 @@ void PassMemory::AddPass(DriveId drive, int64_t time_s,
     evidence.AddPass(drive, time_s);
     if (!remembered.tile) continue;
     // Of the tile alone, in its own frame: what is near its border has half of its neighbours.
-    std::vector<Eigen::Vector3d> places;
-    std::vector<bool> is_seen;
+    PassOdds odds(light);
     std::vector<std::pair<const LeanLandmark*, Sighting>> told;
     for (const LeanLandmark& landmark : remembered.tile->map.landmarks) {
       const auto outcome = outcomes.find(landmark.id);
       if (outcome == outcomes.end()) continue;
       told.emplace_back(&landmark, outcome->second);
       if (outcome->second == Sighting::kSeenThrough) continue;
-      places.push_back(landmark.position_in_map);
-      is_seen.push_back(outcome->second == Sighting::kSeen);
+      odds.Add(landmark.position_in_map, outcome->second == Sighting::kSeen);
     }
-    const PassOdds odds(std::move(places), std::move(is_seen), light);
     for (const auto& [landmark, outcome] : told) {
       evidence.Record(landmark->id, drive, outcome, odds.At(landmark->position_in_map));
     }

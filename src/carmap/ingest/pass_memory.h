@@ -33,7 +33,7 @@ absl::StatusOr<std::optional<std::vector<LandmarkId>>> LandmarksOfVersion(TileId
 
 /// How alike landmarks near each other are recognised in one pass.
 struct PassLight {
-  double radius_m = 12;
+  double radius_m = 8;
   double prior = 10;  ///< landmarks, as which the whole pass counts
 };
 

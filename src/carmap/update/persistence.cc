@@ -79,6 +79,13 @@ bool MayHaveGoneWith(const WatchedLandmark& landmark, const WatchedLandmark& nei
 double LogOddsGone(const std::vector<PassSighting>& passes, int64_t now_s,
                    const PersistenceOptions& options) {
   if (passes.empty()) return std::log(options.min_hazard);
+  const bool was_seen_through =
+      std::any_of(passes.begin(), passes.end(),
+                  [](const PassSighting& pass) { return pass.outcome == Sighting::kSeenThrough; });
+  if (passes.back().outcome == Sighting::kSeen && !was_seen_through) {  // most of them
+    const double hazard = HazardBetween(passes.back().time_s, now_s, options);
+    return std::log(hazard / (1 - hazard));
+  }
   const std::vector<double> if_gone_from = LikelihoodsIfGone(passes, options);
   std::vector<double> gone_before = {options.min_hazard};  // each pass, and now
   for (size_t i = 0; i < passes.size(); ++i) {
@@ -103,45 +110,88 @@ double LogOddsGone(const std::vector<PassSighting>& passes, int64_t now_s,
   return std::clamp(log_odds, -options.max_log_odds, options.max_log_odds);
 }
 
-std::vector<Vanishing> FindVanished(const std::vector<WatchedLandmark>& landmarks, int64_t now_s,
-                                    const PersistenceOptions& options) {
-  std::vector<Eigen::Vector3d> places;
-  std::vector<double> alone;
-  for (const WatchedLandmark& landmark : landmarks) {
-    places.push_back(landmark.position_in_map);
-    alone.push_back(landmark.vanished_s ? options.max_log_odds
-                                        : LogOddsGone(landmark.passes, now_s, options));
+namespace {
+
+/// Landmarks and those around them, as far as votes matter: around those that seem to be gone.
+class Neighbourhood {
+ public:
+  Neighbourhood(const std::vector<WatchedLandmark>& landmarks, const std::vector<double>& alone,
+                const PersistenceOptions& options)
+      : of_(landmarks.size()) {
+    constexpr double kReach = 3;  // of votes, from one to the next
+    std::vector<uint32_t> suspects;
+    for (uint32_t i = 0; i < landmarks.size(); ++i) {
+      if (alone[i] > 0) suspects.push_back(i);
+    }
+    if (suspects.empty()) return;
+    std::vector<Eigen::Vector3d> places;
+    for (const WatchedLandmark& landmark : landmarks) places.push_back(landmark.position_in_map);
+    const KdTree tree(std::move(places));
+    std::vector<bool> is_voted_on(landmarks.size(), false);
+    for (const uint32_t suspect : suspects) {
+      for (const uint32_t i :
+           tree.WithinRadius(landmarks[suspect].position_in_map, kReach * options.neighbour_m)) {
+        is_voted_on[i] = true;
+      }
+    }
+    for (uint32_t i = 0; i < landmarks.size(); ++i) {
+      if (!is_voted_on[i]) continue;
+      voted_on_.push_back(i);
+      of_[i] = tree.WithinRadius(landmarks[i].position_in_map, options.neighbour_m,
+                                 options.max_neighbours + 1);
+      std::erase(of_[i], i);
+    }
   }
-  const KdTree tree(std::move(places));
-  std::vector<std::vector<uint32_t>> neighbours(landmarks.size());
-  for (uint32_t i = 0; i < landmarks.size(); ++i) {
-    neighbours[i] = tree.WithinRadius(landmarks[i].position_in_map, options.neighbour_m,
-                                      options.max_neighbours + 1);
-    std::erase(neighbours[i], i);
-  }
-  // What neighbours say, until it settles (mean field of an Ising model).
+  /// Ascending; others stay what they are by themselves.
+  const std::vector<uint32_t>& voted_on() const { return voted_on_; }
+  const std::vector<uint32_t>& Of(uint32_t idx) const { return of_[idx]; }
+
+ private:
+  std::vector<uint32_t> voted_on_;
+  std::vector<std::vector<uint32_t>> of_;
+};
+
+/// What neighbours say, until it settles (mean field of an Ising model).
+std::vector<double> Vote(const std::vector<WatchedLandmark>& landmarks,
+                         const std::vector<double>& alone, const Neighbourhood& neighbourhood,
+                         const PersistenceOptions& options) {
   constexpr int kRounds = 12;
   std::vector<double> log_odds = alone;
   for (int round = 0; round < kRounds; ++round) {
     std::vector<double> next = alone;
-    for (size_t i = 0; i < landmarks.size(); ++i) {
-      for (const uint32_t j : neighbours[i]) {
+    for (const uint32_t i : neighbourhood.voted_on()) {
+      for (const uint32_t j : neighbourhood.Of(i)) {
         const double says = options.coupling * std::tanh(log_odds[j] / 2);
         if (says < 0 || MayHaveGoneWith(landmarks[i], landmarks[j])) next[i] += says;
       }
     }
     log_odds = std::move(next);
   }
+  return log_odds;
+}
+
+}  // namespace
+
+std::vector<Vanishing> FindVanished(const std::vector<WatchedLandmark>& landmarks, int64_t now_s,
+                                    const PersistenceOptions& options) {
+  std::vector<double> alone;
+  for (const WatchedLandmark& landmark : landmarks) {
+    alone.push_back(landmark.vanished_s ? options.max_log_odds
+                                        : LogOddsGone(landmark.passes, now_s, options));
+  }
+  const Neighbourhood neighbourhood(landmarks, alone, options);
+  const std::vector<double> log_odds = Vote(landmarks, alone, neighbourhood, options);
   const auto is_gone = [&](uint32_t i) { return log_odds[i] >= options.min_log_odds; };
   const auto has_drives = [&](uint32_t i) {
     return landmarks[i].vanished_s || MissedSince(landmarks[i]) >= options.min_drives;
   };
   std::vector<Vanishing> vanished;
-  for (uint32_t i = 0; i < landmarks.size(); ++i) {
+  for (const uint32_t i : neighbourhood.voted_on()) {
     if (!is_gone(i) || landmarks[i].vanished_s) continue;
-    const auto voting = std::count_if(neighbours[i].begin(), neighbours[i].end(),
+    const std::vector<uint32_t>& around = neighbourhood.Of(i);
+    const auto voting = std::count_if(around.begin(), around.end(),
                                       [&](uint32_t j) { return is_gone(j) && has_drives(j); });
-    const bool neighbours_tell = 2 * static_cast<size_t>(voting) > neighbours[i].size();
+    const bool neighbours_tell = 2 * static_cast<size_t>(voting) > around.size();
     if (has_drives(i) || neighbours_tell) vanished.push_back({i, log_odds[i]});
   }
   return vanished;
