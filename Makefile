@@ -4,8 +4,8 @@ FUZZ_SECONDS ?= 60
 export CMAKE_BUILD_PARALLEL_LEVEL := $(JOBS)
 
 .DEFAULT_GOAL := help
-.PHONY: help setup build demo test bench evaluate evaluate-localization evaluate-slam evaluate-stitching evaluate-forgetting signature \
-  vocabulary segmenter lint format asan tsan fuzz clean
+.PHONY: help setup build demo test bench evaluate evaluate-localization evaluate-slam evaluate-stitching evaluate-diffs \
+  evaluate-forgetting signature vocabulary segmenter lint format asan tsan fuzz clean
 
 help:  ## list these commands
 	@echo 'make COMMAND [JOBS=N]      (N processes at once; default: one a core)'
@@ -41,6 +41,8 @@ evaluate-localization: build  ## localization by traffic, lane and light, simula
 
 evaluate-stitching: build  ## stitching beside the ways of the paper's peers, simulated [EXPERIMENTS="lanes overlap"]
 	@scripts/evaluate_stitching.sh $(EXPERIMENTS)
+evaluate-diffs: build  ## what a vehicle sends of a known road, beside a segment, simulated [SCENES="suburb freeway"]
+	@scripts/evaluate_diffs.sh $(SCENES)
 evaluate-forgetting: build  ## what a base learns and forgets of streets that change, simulated [SCENES="suburb downtown"]
 	@scripts/evaluate_forgetting.sh $(SCENES)
 

@@ -317,6 +317,8 @@ TEST_F(BaseCliTest, TellsWhatChangedInTheStreet) {
   EXPECT_EQ(json["type"], "FeatureCollection");
   ExpectRefused({"base", "changes", "town.base", "--since", "yesterday"}, "is no time");
   ExpectRefused({"drive", Drive(1), "--base", "../monday.cmap", "--out", "p"}, "folder of a base");
+  ExpectRefused({"drive", Drive(1), "--base", "town.base", "--out", "town.base/parts"}, "lies in");
+  ExpectRefused({"drive", Drive(1), "--base", "town.base", "--out", Drive(1)}, "lies in");
 }
 
 }  // namespace

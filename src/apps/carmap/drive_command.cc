@@ -3,10 +3,12 @@
 #include <CLI/App.hpp>
 #include <CLI/Validators.hpp>
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
+#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -271,11 +273,23 @@ bool CheckComplete(const Driven& driven, const Arguments& arguments, const Outpu
          localized.damaged_tiles.empty();
 }
 
+/// Parts lie neither in the drive nor in the base, which others read.
+absl::Status CheckIsApart(const std::string& out, const std::string& input) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const fs::path from_input =
+      fs::weakly_canonical(out, error).lexically_relative(fs::weakly_canonical(input, error));
+  if (error || from_input.empty() || *from_input.begin() == "..") return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("--out {}: lies in {}; choose a folder of its own", out, input));
+}
+
 absl::Status CheckFiles(const Arguments& arguments) {
+  CARMAP_RETURN_IF_ERROR(CheckIsApart(arguments.out, arguments.drive));
+  CARMAP_RETURN_IF_ERROR(CheckIsApart(arguments.out, arguments.base));
   std::vector<std::string> inputs = FilesOfDrive(arguments.drive);
   AddFiles(FoldersOfBase(arguments.base), inputs);
   AddFiles(FilesOfSegmenter(arguments.segmenter, arguments.drive), inputs);
-  CARMAP_RETURN_IF_ERROR(CheckKeepsInputs(arguments.out + "/part", inputs));
   return CheckOutputs({arguments.report, arguments.trajectory}, inputs);
 }
 

@@ -118,10 +118,11 @@ class Neighbourhood {
   Neighbourhood(const std::vector<WatchedLandmark>& landmarks, const std::vector<double>& alone,
                 const PersistenceOptions& options)
       : of_(landmarks.size()) {
-    constexpr double kReach = 3;  // of votes, from one to the next
+    constexpr double kReach = 3;        // of votes, from one to the next
+    constexpr double kSuspicious = -2;  // log odds, by itself
     std::vector<uint32_t> suspects;
     for (uint32_t i = 0; i < landmarks.size(); ++i) {
-      if (alone[i] > 0) suspects.push_back(i);
+      if (alone[i] > kSuspicious) suspects.push_back(i);
     }
     if (suspects.empty()) return;
     std::vector<Eigen::Vector3d> places;

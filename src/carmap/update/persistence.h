@@ -25,7 +25,7 @@ struct PersistenceOptions {
   /// That it is seen through if it is there and was not recognised: of most landmarks, of some, and
   /// of the few that have gaps.
   std::vector<double> through = {0.005, 0.05, 0.4};
-  std::vector<double> through_weights = {0.93, 0.05, 0.02};
+  std::vector<double> through_weights = {0.92, 0.04, 0.04};
   /// And of one that is gone: what stands behind is farther, or something else stands there.
   std::vector<double> gone_through = {0.8, 0.1};
   std::vector<double> gone_through_weights = {0.7, 0.3};

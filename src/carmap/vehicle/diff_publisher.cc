@@ -250,6 +250,12 @@ absl::Status DiffPublisher::AddNews(const Map& own, const Stretch& stretch, cons
   CARMAP_ASSIGN_OR_RETURN(
       const FittedSegment fitted,
       FitLocalized(view.map(), base, stretch.map(), std::move(anchors), options_.fit));
+  for (size_t k = stretch.begin; k < fitted.diff.drive.keyframes.size(); ++k) {
+    const Eigen::Vector3d& place = fitted.diff.drive.keyframes[k].map_from_camera.translation;
+    if (base.keyframe_centers.WithinRadius(place, options_.driven_m, 1).empty()) {
+      return absl::FailedPreconditionError("it leads to where the base has no keyframe");
+    }
+  }
   const std::vector<uint32_t> news = NewLandmarks(
       base, fitted.diff.drive, fitted.diff.seen_again,
       [&](LandmarkId id) { return sightings_.HasSeen(id); }, options_.news);

@@ -35,8 +35,11 @@ namespace carmap {
 struct PublishOptions {
   double every_s = 10;      ///< of driving
   double min_driven_m = 5;  ///< less is no driving: a vehicle that stands has nothing to tell
-  /// Road is known so near to a keyframe that the base placed, along the drive.
+  /// Road is known so near to a keyframe that the base placed, along the drive ...
   double known_m = 20;
+  /// ... and so near to where one of the base's was made: far landmarks place a vehicle also where
+  /// no drive has been.
+  double driven_m = 12;
   double overlap_m = 30;            ///< of a segment with the road before it
   double viewer_spacing_m = 2.5;    ///< of keyframes in the lists of a diff's landmarks
   double path_spacing_m = 25;       ///< of keyframes of a diff that tell where the vehicle drove
