@@ -30,6 +30,9 @@ namespace {
 absl::Status Admit(const LeanMap& segment, std::optional<uint32_t> part, const BaseMap& base,
                    const ContributeOptions& options) {
   CARMAP_RETURN_IF_ERROR(CheckConsistency(segment));
+  if (segment.drives.empty()) {
+    return absl::InvalidArgumentError("it names no drive; publish it again");
+  }
   if (segment.landmarks.empty() && !part) {
     return absl::InvalidArgumentError("the map has no landmarks; map a longer drive");
   }

@@ -183,6 +183,10 @@ TEST_F(PassMemoryTest, NewsAreConfirmedByAnotherDriveOrGo) {
   ExpectPatchesLeadToTiles();
 }
 
+TEST_F(PassMemoryTest, APartOfNoDriveIsRefused) {
+  EXPECT_TRUE(absl::IsInvalidArgument(Contribute(MapDiff{}, "nobody's", *base_).status()));
+}
+
 TEST_F(PassMemoryTest, APartWithoutAPlaceIsFitted) {
   MapDiff part;
   part.part = 3;
