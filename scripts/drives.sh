@@ -25,6 +25,10 @@ simulate() { # SCENE SEED SIZE LANE TRAFFIC LIGHT [map]
   echo "$drives/$name"
 }
 
+bytes_of() { # FILE...
+  cat "$@" | wc -c
+}
+
 # Whether some frames were lost is what the report tells.
 tolerate_lost_frames() { # COMMAND...
   local status=0

@@ -27,10 +27,6 @@ mkdir -p "$out"
   echo "|---|---|---|---|---|"
 } >"$table"
 
-bytes_of() { # FILE...
-  cat "$@" | wc -c
-}
-
 send() { # SCENE NAME DRIVE
   local name="$1-$2" segment sent
   tolerate_lost_frames "$carmap" map "$3" --out "$out/$name.cmap" --segmenter default

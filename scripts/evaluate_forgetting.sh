@@ -6,9 +6,10 @@
 #
 #   scripts/evaluate_forgetting.sh [SCENE...]
 #
-# Scenes: suburb, downtown (default: both). SEEDS="31 43 57 71" chooses towns, CHANGE_SEED=2 what changes in them, SIZE=620x188 the images,
-# UNCHANGED=3 and CHANGED=6 how many drives come before and after the change. Drives are kept in
-# $CARMAP_DRIVES, or else in build/drives; remove them after the simulator changed.
+# Scenes: suburb, downtown (default: both). SEEDS="31 43 57 71" chooses towns, CHANGE_SEED=2 what
+# changes in them, SIZE=620x188 the images, UNCHANGED=3 and CHANGED=6 how many drives come before and
+# after the change. Drives are kept in $CARMAP_DRIVES, or else in build/drives; remove them after the
+# simulator changed.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -42,17 +43,13 @@ pass_of() { # SCENE SEED NUMBER [changed]
   echo "$drives/$name"
 }
 
-# One drive localizes in the base, publishes, and is added; how it did is left in $out/NAME.txt.
+# One drive localizes in the base, publishes, and is added; its reports are left in $out.
 drive_and_add() { # BASE DRIVE DAY NAME
   tolerate_lost_frames "$carmap" drive "$2" --base "$1" --out "$out/$4.parts" --segmenter default \
     --start-time $((first_s + $3 * day_s)) --report "$out/$4.drive.json"
   tolerate_lost_frames "$carmap" map "$2" --out "$out/$4.cmap" --segmenter default
   tolerate_lost_frames "$carmap" base add "$1" "$out/$4.parts"/*.cmdiff --report "$out/$4.add.json"
   "$carmap" base export "$1" --out "$out/after.cmap" >&2
-}
-
-bytes_of() { # FILE...
-  cat "$@" | wc -c
 }
 
 for scene in "$@"; do

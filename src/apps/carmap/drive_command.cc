@@ -100,7 +100,7 @@ class Vehicle {
     driven_.localized.tiles_read = localizer_.follower()->tiles_read();
     driven_.localized.damaged_tiles = localizer_.follower()->damaged();
     driven_.patches_applied = localizer_.follower()->patches_applied();
-    driven_.patch_faults = patches_.faults();
+    driven_.patch_faults = patches_.Faults();
     const auto& unfit = localizer_.follower()->patch_faults();
     driven_.patch_faults.insert(driven_.patch_faults.end(), unfit.begin(), unfit.end());
     driven_.dropped = files_.dropped();
@@ -243,7 +243,7 @@ void PrintDriven(const Driven& driven, const Arguments& arguments) {
   }
   fmt::print("published     {} in {}: {}\n", Count(driven.parts.size(), "part"), arguments.out,
              BytesText(static_cast<double>(driven.bytes())));
-  if (driven.patches_applied > 0) {
+  if (!arguments.patches.empty()) {
     fmt::print("patches       {} applied while it drove\n", driven.patches_applied);
   }
   PrintHealth(localized.health, localized.gps);
@@ -337,7 +337,7 @@ void AddDriveCommand(CLI::App& app, Command& chosen) {
       ->type_name("S");
   command
       ->add_option("--out-limit", arguments->out_limit_mb,
-                   "Megabytes that the parts may take together")
+                   "Megabytes that the parts of this drive may take together")
       ->check(CLI::Range(0.01, 1e6))
       ->capture_default_str()
       ->type_name("MB");
@@ -360,8 +360,8 @@ void AddDriveCommand(CLI::App& app, Command& chosen) {
       ->type_name("R.json");
   AddSegmenterOption(*command, arguments->segmenter);
   command->footer(fmt::format(
-      R"(The vehicle localizes in BASE as `carmap localize` does and maps at once. Every --every seconds it
-publishes a part:
+      R"(The vehicle localizes in BASE as `carmap localize` does and maps at once. Every --every seconds,
+or 150 m, it publishes a part:
 
   diff      on road that the base has: landmarks of things that the base has not, and which of the
             base's landmarks were seen, and which missed although nothing hid them
@@ -380,8 +380,8 @@ Example:
   carmap drive monday --base town --out parts
   carmap base add town parts/*{}
 
-Exit codes: 0 done, 1 error, 2 wrong usage, 3 done but without unusable images, parts were dropped or
-could not be written, the drive is suspect, or the segmenter failed)",
+Exit codes: 0 done, 1 error, 2 wrong usage, 3 done but without unusable images, damaged tiles or patches,
+parts were dropped or could not be written, the drive is suspect, or the segmenter failed)",
       kDiffExtension, kSegmenterHelp, kDiffExtension));
   command->callback(
       [arguments, &chosen] { chosen = [arguments] { return RunDrive(*arguments); }; });

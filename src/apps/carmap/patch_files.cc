@@ -43,17 +43,24 @@ std::vector<Patch> PatchFolder::New() {
   }
   std::vector<Patch> patches;
   for (const std::filesystem::path& path : found) {
-    known_.insert(path);
     const auto bytes = ReadFile(path, kMaxLeanFileBytes);
     auto patch =
         bytes.ok() ? DecodePatch(*bytes, path.string()) : absl::StatusOr<Patch>(bytes.status());
-    if (patch.ok()) {
-      patches.push_back(*std::move(patch));
-    } else {
-      faults_.emplace_back(patch.status().message());
+    if (!patch.ok()) {
+      faults_[path] = std::string(patch.status().message());
+      continue;
     }
+    faults_.erase(path);
+    known_.insert(path);
+    patches.push_back(*std::move(patch));
   }
   return patches;
+}
+
+std::vector<std::string> PatchFolder::Faults() const {
+  std::vector<std::string> faults;
+  for (const auto& [path, fault] : faults_) faults.push_back(fault);
+  return faults;
 }
 
 }  // namespace carmap

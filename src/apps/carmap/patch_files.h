@@ -5,6 +5,7 @@
 #include <absl/status/statusor.h>
 
 #include <filesystem>
+#include <map>
 #include <set>
 #include <string>
 #include <vector>
@@ -24,16 +25,17 @@ class PatchFolder {
  public:
   explicit PatchFolder(std::filesystem::path folder) : folder_(std::move(folder)) {}
 
-  /// Those that came since the last call, by name; a folder that is not there is empty.
+  /// Those that came since the last call, by name; a folder that is not there is empty. A file that
+  /// is no patch is looked at again: it may be half written.
   std::vector<Patch> New();
 
-  /// Files that are no patches, a line each.
-  const std::vector<std::string>& faults() const { return faults_; }
+  /// Files that were no patches when they were looked at last, a line each.
+  std::vector<std::string> Faults() const;
 
  private:
   const std::filesystem::path folder_;
-  std::set<std::filesystem::path> known_;
-  std::vector<std::string> faults_;
+  std::set<std::filesystem::path> known_;  ///< patches that were returned
+  std::map<std::filesystem::path, std::string> faults_;
 };
 
 }  // namespace carmap

@@ -5,7 +5,6 @@
 #pragma once
 
 #include <opencv2/core/mat.hpp>
-#include <optional>
 
 #include "carmap/geometry/camera.h"
 

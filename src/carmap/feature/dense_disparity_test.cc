@@ -3,21 +3,16 @@
 #include <gtest/gtest.h>
 
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
+
+#include "carmap/feature/test_images.h"
 
 namespace carmap {
 namespace {
 
 const StereoRig kRig{{700, 700, 620, 180, 1240, 360}, 0.5, {}};
 
-/// Noise, smooth enough that a pixel's neighbours look like it.
-cv::Mat Wall(int seed) {
-  cv::Mat wall(kRig.camera.height, kRig.camera.width, CV_8UC1);
-  cv::RNG random(static_cast<uint64_t>(seed));
-  random.fill(wall, cv::RNG::UNIFORM, 0, 255);
-  cv::GaussianBlur(wall, wall, {}, 2.5);
-  cv::normalize(wall, wall, 0, 255, cv::NORM_MINMAX);
-  return wall;
+cv::Mat Plaster(uint64_t seed) {
+  return Texture(kRig.camera.width, kRig.camera.height, seed, 45, 2.5);
 }
 
 void Paste(const cv::Mat& what, cv::Rect place, int disparity_px, cv::Mat& left, cv::Mat& right) {
@@ -26,9 +21,9 @@ void Paste(const cv::Mat& what, cv::Rect place, int disparity_px, cv::Mat& left,
 }
 
 TEST(DenseDisparity, TellsWhatStandsBefore) {
-  cv::Mat left = Wall(1), right = Wall(1);
-  Paste(Wall(1), {200, 0, 1000, 360}, 14, left, right);   // 25 m away
-  Paste(Wall(2), {500, 100, 300, 200}, 40, left, right);  // 9 m away, before it
+  cv::Mat left = Plaster(1), right = Plaster(1);
+  Paste(Plaster(1), {200, 0, 1000, 360}, 14, left, right);   // 25 m away
+  Paste(Plaster(2), {500, 100, 300, 200}, 40, left, right);  // 9 m away, before it
   const DenseDisparity dense(left, right, kRig);
   const auto wall = dense.LookAt(900, 200, 10, 17);
   EXPECT_GT(wall.known_share, 0.9);

@@ -146,7 +146,7 @@ double TileEvidence::LogOddsOfMisses(LandmarkId landmark) const {
   double sum = 0;
   for (const auto& [drive, observation] : found->second) {
     if (drive == landmark.drive) continue;
-    const double recognised = 1 / (1 + std::exp(-kOddsStep * observation.odds_steps));
+    const double recognised = ProbabilityOf(kOddsStep * observation.odds_steps);
     constexpr double kIfSeenThrough = 0.1;
     sum += observation.outcome == Sighting::kSeenThrough ? std::log(kIfSeenThrough)
                                                          : std::log(1 - recognised);

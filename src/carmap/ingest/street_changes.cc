@@ -2,7 +2,6 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <cmath>
 #include <map>
 #include <utility>
 
@@ -69,8 +68,7 @@ void AddVanished(const TileEvidence& evidence, const Rigid3& root_from_tile, int
   for (const VanishedLandmark& gone : evidence.vanished()) {
     if (gone.time_s < since_s) continue;
     changes.vanished.push_back({root_from_tile * gone.position_in_tile.cast<double>(),
-                                1 / (1 + std::exp(-static_cast<double>(gone.log_odds))),
-                                gone.time_s});
+                                ProbabilityOf(gone.log_odds), gone.time_s});
   }
 }
 

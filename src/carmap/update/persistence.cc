@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
 
 #include "carmap/index/kd_tree.h"
 
@@ -14,11 +13,9 @@ namespace {
 constexpr std::array<double, 5> kNodes = {-2.856970, -1.355626, 0, 1.355626, 2.856970};
 constexpr std::array<double, 5> kWeights = {0.011257, 0.222076, 0.533333, 0.222076, 0.011257};
 
-double Logistic(double x) { return 1 / (1 + std::exp(-x)); }
-
 /// Likelihood of what a pass saw of a landmark that is there.
 double IfThere(const PassSighting& pass, double recognised, double through) {
-  const double seen = Logistic(pass.log_odds + recognised);
+  const double seen = ProbabilityOf(pass.log_odds + recognised);
   if (pass.outcome == Sighting::kSeen) return seen;
   return (1 - seen) * (pass.outcome == Sighting::kSeenThrough ? through : 1 - through);
 }
@@ -73,44 +70,6 @@ bool MayHaveGoneWith(const WatchedLandmark& landmark, const WatchedLandmark& nei
   if (neighbour.vanished_s) return *neighbour.vanished_s > seen_s;
   return !neighbour.passes.empty() && neighbour.passes.back().time_s > seen_s;
 }
-
-}  // namespace
-
-double LogOddsGone(const std::vector<PassSighting>& passes, int64_t now_s,
-                   const PersistenceOptions& options) {
-  if (passes.empty()) return std::log(options.min_hazard);
-  const bool was_seen_through =
-      std::any_of(passes.begin(), passes.end(),
-                  [](const PassSighting& pass) { return pass.outcome == Sighting::kSeenThrough; });
-  if (passes.back().outcome == Sighting::kSeen && !was_seen_through) {  // most of them
-    const double hazard = HazardBetween(passes.back().time_s, now_s, options);
-    return std::log(hazard / (1 - hazard));
-  }
-  const std::vector<double> if_gone_from = LikelihoodsIfGone(passes, options);
-  std::vector<double> gone_before = {options.min_hazard};  // each pass, and now
-  for (size_t i = 0; i < passes.size(); ++i) {
-    const int64_t next_s = i + 1 < passes.size() ? passes[i + 1].time_s : now_s;
-    gone_before.push_back(HazardBetween(passes[i].time_s, next_s, options));
-  }
-  double there = 0, gone = 0;
-  for (size_t n = 0; n < kNodes.size(); ++n) {
-    const double recognised = options.recognised_sigma * kNodes[n];
-    for (size_t t = 0; t < options.through.size(); ++t) {
-      double until = kWeights[n] * options.through_weights[t];  // there, and seen as it was
-      for (size_t i = 0; i < passes.size(); ++i) {
-        gone += until * gone_before[i] * if_gone_from[i];
-        until *= (1 - gone_before[i]) * IfThere(passes[i], recognised, options.through[t]);
-      }
-      gone += until * gone_before.back();
-      there += until * (1 - gone_before.back());
-    }
-  }
-  constexpr double kLeast = 1e-300;
-  const double log_odds = std::log(std::max(gone, kLeast)) - std::log(std::max(there, kLeast));
-  return std::clamp(log_odds, -options.max_log_odds, options.max_log_odds);
-}
-
-namespace {
 
 /// Landmarks and those around them, as far as votes matter: around those that seem to be gone.
 class Neighbourhood {
@@ -172,6 +131,42 @@ std::vector<double> Vote(const std::vector<WatchedLandmark>& landmarks,
 }
 
 }  // namespace
+
+double ProbabilityOf(double log_odds) { return 1 / (1 + std::exp(-log_odds)); }
+
+double LogOddsGone(const std::vector<PassSighting>& passes, int64_t now_s,
+                   const PersistenceOptions& options) {
+  if (passes.empty()) return std::log(options.min_hazard);
+  const bool was_seen_through =
+      std::any_of(passes.begin(), passes.end(),
+                  [](const PassSighting& pass) { return pass.outcome == Sighting::kSeenThrough; });
+  if (passes.back().outcome == Sighting::kSeen && !was_seen_through) {  // most of them
+    const double hazard = HazardBetween(passes.back().time_s, now_s, options);
+    return std::log(hazard / (1 - hazard));
+  }
+  const std::vector<double> if_gone_from = LikelihoodsIfGone(passes, options);
+  std::vector<double> gone_before = {options.min_hazard};  // each pass, and now
+  for (size_t i = 0; i < passes.size(); ++i) {
+    const int64_t next_s = i + 1 < passes.size() ? passes[i + 1].time_s : now_s;
+    gone_before.push_back(HazardBetween(passes[i].time_s, next_s, options));
+  }
+  double there = 0, gone = 0;
+  for (size_t n = 0; n < kNodes.size(); ++n) {
+    const double recognised = options.recognised_sigma * kNodes[n];
+    for (size_t t = 0; t < options.through.size(); ++t) {
+      double until = kWeights[n] * options.through_weights[t];  // there, and seen as it was
+      for (size_t i = 0; i < passes.size(); ++i) {
+        gone += until * gone_before[i] * if_gone_from[i];
+        until *= (1 - gone_before[i]) * IfThere(passes[i], recognised, options.through[t]);
+      }
+      gone += until * gone_before.back();
+      there += until * (1 - gone_before.back());
+    }
+  }
+  constexpr double kLeast = 1e-300;
+  const double log_odds = std::log(std::max(gone, kLeast)) - std::log(std::max(there, kLeast));
+  return std::clamp(log_odds, -options.max_log_odds, options.max_log_odds);
+}
 
 std::vector<Vanishing> FindVanished(const std::vector<WatchedLandmark>& landmarks, int64_t now_s,
                                     const PersistenceOptions& options) {

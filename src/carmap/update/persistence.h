@@ -44,6 +44,9 @@ struct PersistenceOptions {
   size_t min_drives = 2;    ///< that must have missed it, or most of its neighbours that go
 };
 
+/// 0 to 1.
+double ProbabilityOf(double log_odds);
+
 /// What one pass of a drive says of a landmark that it should have seen.
 struct PassSighting {
   int64_t time_s = 0;  ///< Unix time

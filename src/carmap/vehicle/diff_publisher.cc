@@ -138,8 +138,9 @@ void DiffPublisher::Take(Timestamp timestamp, KeyframeId frame, const TrackedFra
 }
 
 bool DiffPublisher::IsDue() const {
-  return part_began_ && newest_->seconds() - part_began_->seconds() >= options_.every_s &&
-         driven_m_ >= options_.min_driven_m;
+  if (!part_began_ || driven_m_ < options_.min_driven_m) return false;
+  return newest_->seconds() - part_began_->seconds() >= options_.every_s ||
+         driven_m_ >= options_.max_driven_m;
 }
 
 std::optional<PublishedPart> DiffPublisher::Publish(const Map& own, const LeanDrive& drive,

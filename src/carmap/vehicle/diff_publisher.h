@@ -33,7 +33,9 @@
 namespace carmap {
 
 struct PublishOptions {
-  double every_s = 10;      ///< of driving
+  double every_s = 10;  ///< of driving ...
+  /// ... and at most so far: the view no longer has the tiles of what lies farther behind.
+  double max_driven_m = 150;
   double min_driven_m = 5;  ///< less is no driving: a vehicle that stands has nothing to tell
   /// Road is known so near to a keyframe that the base placed, along the drive ...
   double known_m = 20;

@@ -4,8 +4,8 @@
 
 #include <memory>
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
 
+#include "carmap/feature/test_images.h"
 #include "carmap/map/lean_map.h"
 
 namespace carmap {
@@ -16,11 +16,7 @@ constexpr double kWallM = 25;
 
 /// What a camera sees of a wall across the road, so far away.
 DenseDisparity WallAt(double depth_m) {
-  cv::Mat left(kRig.camera.height, kRig.camera.width, CV_8UC1);
-  cv::RNG random(1);
-  random.fill(left, cv::RNG::UNIFORM, 0, 255);
-  cv::GaussianBlur(left, left, {}, 2.5);
-  cv::normalize(left, left, 0, 255, cv::NORM_MINMAX);
+  const cv::Mat left = Texture(kRig.camera.width, kRig.camera.height, 1, 45, 2.5);
   cv::Mat right = left.clone();
   const auto disparity = static_cast<int>(std::lround(kRig.DisparityAt(depth_m)));
   left(cv::Rect(disparity, 0, left.cols - disparity, left.rows))
