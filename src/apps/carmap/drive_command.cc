@@ -360,8 +360,8 @@ void AddDriveCommand(CLI::App& app, Command& chosen) {
       ->type_name("R.json");
   AddSegmenterOption(*command, arguments->segmenter);
   command->footer(fmt::format(
-      R"(The vehicle localizes in BASE as `carmap localize` does and maps at once. Every --every seconds,
-or 150 m, it publishes a part:
+      R"(The vehicle localizes in BASE as `carmap localize` does and maps at once. Every --every seconds it
+publishes a part:
 
   diff      on road that the base has: landmarks of things that the base has not, and which of the
             base's landmarks were seen, and which missed although nothing hid them

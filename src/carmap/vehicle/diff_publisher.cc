@@ -128,6 +128,7 @@ void DiffPublisher::Take(Timestamp timestamp, KeyframeId frame, const TrackedFra
   if (!part_began_) part_began_ = timestamp;
   newest_ = timestamp;
   if (own.camera_from_previous) driven_m_ += own.camera_from_previous->translation.norm();
+  for (const auto& tile : view.tiles()) tiles_[tile->id] = tile;
   sightings_.Take(base, rig, pose, disparities);
   const bool is_placed = pose.known_by == KnownBy::kMap && !view.tiles().empty() &&
                          SigmaM(pose.pose->covariance) <= options_.max_anchor_sigma_m;
@@ -138,9 +139,8 @@ void DiffPublisher::Take(Timestamp timestamp, KeyframeId frame, const TrackedFra
 }
 
 bool DiffPublisher::IsDue() const {
-  if (!part_began_ || driven_m_ < options_.min_driven_m) return false;
-  return newest_->seconds() - part_began_->seconds() >= options_.every_s ||
-         driven_m_ >= options_.max_driven_m;
+  return part_began_ && newest_->seconds() - part_began_->seconds() >= options_.every_s &&
+         driven_m_ >= options_.min_driven_m;
 }
 
 std::optional<PublishedPart> DiffPublisher::Publish(const Map& own, const LeanDrive& drive,
@@ -165,7 +165,8 @@ std::optional<PublishedPart> DiffPublisher::Publish(const Map& own, const LeanDr
     part.segment_because = std::string(status.message());
     AddSegment(Stretch::Of(own, drive, first, last, options_.overlap_m, is_last), part);
   }
-  AddSightings(view, is_last, part);
+  AddSightings(is_last, part);
+  tiles_.clear();  // those of the view come again with the next frame
   part.diff.part = next_part_++;
   done_ = last;
   return part;
@@ -204,12 +205,12 @@ double DiffPublisher::FarthestFromAnchorsM(const LeanMap& stretch, size_t begin,
   return *std::max_element(ways_m.begin() + static_cast<long>(begin), ways_m.end());
 }
 
-/// What was seen and missed of the view's tiles.
-void DiffPublisher::AddSightings(const MapView& view, bool is_last, PublishedPart& part) {
+/// What was seen and missed of the tiles since the last part.
+void DiffPublisher::AddSightings(bool is_last, PublishedPart& part) {
   const std::map<LandmarkId, Sighting> released =
       sightings_.Release(is_last ? 0 : options_.behind_m);
-  for (const auto& tile : view.tiles()) {
-    TileSightings of_tile{.tile = tile->id, .version = tile->version, .of_landmarks = {}};
+  for (const auto& [id, tile] : tiles_) {
+    TileSightings of_tile{.tile = id, .version = tile->version, .of_landmarks = {}};
     bool tells = false;
     for (const LeanLandmark& landmark : tile->map.landmarks) {
       const auto found = released.find(landmark.id);

@@ -12,6 +12,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -24,6 +25,7 @@
 #include "carmap/map/map.h"
 #include "carmap/map/map_diff.h"
 #include "carmap/map/strip.h"
+#include "carmap/map/tile.h"
 #include "carmap/slam/tracker.h"
 #include "carmap/update/fit.h"
 #include "carmap/vehicle/base_tracker.h"
@@ -33,9 +35,7 @@
 namespace carmap {
 
 struct PublishOptions {
-  double every_s = 10;  ///< of driving ...
-  /// ... and at most so far: the view no longer has the tiles of what lies farther behind.
-  double max_driven_m = 150;
+  double every_s = 10;      ///< of driving
   double min_driven_m = 5;  ///< less is no driving: a vehicle that stands has nothing to tell
   /// Road is known so near to a keyframe that the base placed, along the drive ...
   double known_m = 20;
@@ -97,13 +97,16 @@ class DiffPublisher {
   double FarthestFromAnchorsM(const LeanMap& stretch, size_t begin,
                               const std::vector<AnchoredKeyframe>& anchors) const;
   LeanMap Named(const StrippedMap& stripped, const std::vector<uint32_t>& landmarks);
-  void AddSightings(const MapView& view, bool is_last, PublishedPart& part);
+  void AddSightings(bool is_last, PublishedPart& part);
   absl::Status AddNews(const Map& own, const Stretch& stretch, const MapView& view,
                        const ReconstructedMap& base, PublishedPart& part);
   void AddSegment(const Stretch& stretch, PublishedPart& part);
 
   const PublishOptions options_;
   SightingCounter sightings_;
+  /// Of all views since the last part, the newest versions: what was seen a while ago may lie in
+  /// tiles that the present view lacks.
+  std::map<TileId, std::shared_ptr<const Tile>> tiles_;
   std::map<KeyframeId, Place> places_;        ///< of keyframes that the base placed
   std::map<LandmarkId, uint32_t> published_;  ///< names, by that in the drive's own map
   uint32_t next_index_ = 0, next_part_ = 0;
