@@ -269,6 +269,13 @@ TEST_F(BaseCliTest, ADrivePublishesWhatItSawAndTheBaseTakesItOnce) {
   EXPECT_EQ(Run({"base", "verify", "town.base"}).exit_code, 0);
 }
 
+TEST_F(BaseCliTest, ADriveThatTellsNothingPublishesNothing) {
+  ASSERT_EQ(Run({"base", "add", "town.base", "../elsewhere.cmap"}).exit_code, 0);
+  ExpectRefused({"drive", Drive(1), "--base", "town.base", "--out", "parts", "--last", "0"},
+                "nothing could be mapped");
+  EXPECT_FALSE(fs::exists(root_ / "work" / "parts"));
+}
+
 TEST_F(BaseCliTest, ADriveOnUnknownRoadPublishesASegment) {
   ASSERT_EQ(Run({"base", "add", "town.base", "../elsewhere.cmap"}).exit_code, 0);
   const Result driven = Run({"drive", Drive(1), "--base", "town.base", "--out", "parts"});

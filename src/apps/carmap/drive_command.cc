@@ -307,6 +307,12 @@ absl::StatusOr<ExitCode> RunDrive(const Arguments& arguments) {
   files.Write(arguments.trajectory,
               [&] { return WriteTrajectory(arguments.trajectory, driven.localized.trajectory); });
   files.Write(arguments.report, [&] { return WriteReport(arguments.report, ReportOf(driven)); });
+  if (driven.parts.empty() && driven.unwritten.empty() && driven.localized.localized() == 0) {
+    return absl::NotFoundError(fmt::format(
+        "{}: no frame of {} was found in {}, and nothing could be mapped; take a longer "
+        "drive, and see `carmap check`",
+        arguments.drive, driven.localized.trajectory.size(), arguments.base));
+  }
   PrintDriven(driven, arguments);
   return CheckComplete(driven, arguments, files) ? kSuccess : kIncomplete;
 }
@@ -380,7 +386,7 @@ Example:
   carmap drive monday --base town --out parts
   carmap base add town parts/*{}
 
-Exit codes: 0 done, 1 error, 2 wrong usage, 3 done but without unusable images, damaged tiles or patches,
+Exit codes: 0 done, 1 error, or nothing was found or published, 2 wrong usage, 3 done but without unusable images, damaged tiles or patches,
 parts were dropped or could not be written, the drive is suspect, or the segmenter failed)",
       kDiffExtension, kSegmenterHelp, kDiffExtension));
   command->callback(

@@ -167,8 +167,9 @@ std::optional<PublishedPart> DiffPublisher::Publish(const Map& own, const LeanDr
   }
   AddSightings(is_last, part);
   tiles_.clear();  // those of the view come again with the next frame
-  part.diff.part = next_part_++;
   done_ = last;
+  if (part.diff.drive.landmarks.empty() && part.diff.sightings.empty()) return std::nullopt;
+  part.diff.part = next_part_++;
   return part;
 }
 
